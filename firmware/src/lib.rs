@@ -1,0 +1,2 @@
+//! The hand controller.
+#![no_std]

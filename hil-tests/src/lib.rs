@@ -1,0 +1,1 @@
+//! Builds the firmware image and runs it in QEMU.

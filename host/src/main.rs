@@ -1,0 +1,2 @@
+//! The `prehend` command: parse, run, exit status.
+fn main() {}

@@ -1,0 +1,2 @@
+//! What both ends of the bus agree on: the body.
+#![no_std]

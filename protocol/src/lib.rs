@@ -1,0 +1,2 @@
+//! What both ends of the bus agree on: the bytes.
+#![no_std]
