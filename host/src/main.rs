@@ -1,2 +1,7 @@
 //! The `prehend` command: parse, run, exit status.
-fn main() {}
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(host::cli::main(std::env::args_os()))
+}

@@ -1,0 +1,396 @@
+//! One grasp attempt: place the palm, check reach and collisions, close the fingers, take contacts, evaluate.
+
+use hand_model::{FingerAngles, HandAngles};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use protocol::ids::FingerId;
+
+use super::arm::flange_from_palm;
+use super::candidates::{Candidate, ContactKind, SOFT_TIP_TORSION_M, open_finger};
+use super::closing::{Closing, ClosingScratch, Touch, close_finger};
+use super::hand_body::Link;
+use super::scene::{Scene, TABLE_CLEARANCE_M};
+use super::settle::Site;
+use crate::grasp::contact::Contact;
+use crate::grasp::quality::{Closure, Quality, Workspace, evaluate};
+
+/// Least cosine between a finger's push and its pad's normal: contacts further than 75 degrees round the finger are
+/// not carried by its rubber pad.
+const PAD_COSINE_MIN: f64 = 0.26;
+
+/// How far before the expected touch, in closing fractions, the fingers stand when there is no room to open wider. A
+/// fraction takes a tip over some 60 mm, so this leaves 15 mm on each side.
+pub(super) const NARROW_OPENING: f64 = 0.25;
+
+/// Overlap of beads of two fingers that is still no collision, metres: the chains are rounder than the links.
+const SELF_OVERLAP_M: f64 = 0.002;
+
+/// A grasp that passed every check.
+#[derive(Debug, Clone)]
+pub struct Grasp {
+    /// Index into the candidates.
+    pub candidate: usize,
+    /// Where the palm is and from where it came.
+    pub site: Site,
+    /// Fingers as open as object and table let them be, as at the approach site.
+    pub pregrasp: HandAngles<f64>,
+    /// All used fingers touching.
+    pub grasp: HandAngles<f64>,
+    /// One contact a used finger.
+    pub contacts: Vec<GraspContact>,
+    /// Force-closure quality.
+    pub quality: Quality,
+    /// Mean epsilon over sampled errors of the pose, where a search measured it.
+    pub expected_epsilon: Option<f64>,
+}
+
+/// A contact and who makes it.
+#[derive(Debug, Clone)]
+pub struct GraspContact {
+    /// The finger.
+    pub finger: FingerId,
+    /// Its link.
+    pub link: Link,
+    /// Point, inward normal and friction, object frame.
+    pub contact: Contact,
+}
+
+/// Why an attempt is no grasp, in the order in which the checks run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Rejection {
+    /// The arm cannot bring the palm to the grasp, the approach or the lifted site.
+    Unreachable,
+    /// The palm cuts the object at the grasp or on the way there.
+    PalmHitsObject,
+    /// An open finger touches the object at the grasp site or on the way there.
+    FingerHitsObject,
+    /// Palm or fingers go below the table's top.
+    HitsTable,
+    /// A used finger closes in the air.
+    FingerMisses,
+    /// A finger touches with its side or back, or with a link that a precision grasp does not use.
+    NotOnPad,
+    /// Two fingers collide.
+    FingersCollide,
+    /// The contacts do not close by force.
+    NoForceClosure,
+    /// The iteration cap came before a decision on force closure.
+    Undecided,
+}
+
+impl Rejection {
+    /// All reasons, in order.
+    pub const ALL: [Self; 9] = [
+        Self::Unreachable,
+        Self::PalmHitsObject,
+        Self::FingerHitsObject,
+        Self::HitsTable,
+        Self::FingerMisses,
+        Self::NotOnPad,
+        Self::FingersCollide,
+        Self::NoForceClosure,
+        Self::Undecided,
+    ];
+
+    /// Key in the plan document.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Unreachable => "unreachable",
+            Self::PalmHitsObject => "palm-hits-object",
+            Self::FingerHitsObject => "finger-hits-object",
+            Self::HitsTable => "hits-table",
+            Self::FingerMisses => "finger-misses",
+            Self::NotOnPad => "not-on-pad",
+            Self::FingersCollide => "fingers-collide",
+            Self::NoForceClosure => "no-force-closure",
+            Self::Undecided => "undecided",
+        }
+    }
+}
+
+/// Room that one thread keeps between attempts.
+#[derive(Default)]
+pub struct AttemptScratch {
+    closing: ClosingScratch,
+    centers: Vec<Point3<f64>>,
+    other_centers: Vec<Point3<f64>>,
+    contacts: Vec<Contact>,
+    quality: Workspace,
+}
+
+impl AttemptScratch {
+    /// Room for the bead centres of one finger.
+    pub(super) fn centers_mut(&mut self) -> &mut Vec<Point3<f64>> {
+        &mut self.centers
+    }
+}
+
+/// How the fingers of an attempt ended; the paper's search moves the palm by it until all touch together.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Closed {
+    /// By [`FingerId::index`]; `None` for fingers that the candidate does not use.
+    pub fingers: [Option<Closing>; 4],
+}
+
+impl Closed {
+    /// The touches, in finger order.
+    pub fn touches(&self) -> impl Iterator<Item = (FingerId, Touch)> + '_ {
+        FingerId::ALL.into_iter().filter_map(|finger| match self.fingers[finger.index()] {
+            Some(Closing::Touches(touch)) => Some((finger, touch)),
+            _ => None,
+        })
+    }
+}
+
+/// Closes the used fingers of a candidate from fraction `s_open` about the object, the palm held still.
+#[must_use]
+pub fn close_hand(
+    scene: &Scene,
+    candidate: &Candidate,
+    object_from_palm: &Isometry3<f64>,
+    s_open: f64,
+    scratch: &mut AttemptScratch,
+) -> Closed {
+    let fingers = FingerId::ALL.map(|finger| {
+        candidate.uses[finger.index()].then(|| {
+            let object_from_base =
+                object_from_palm * scene.hand.palm_from_finger_base(finger, candidate.thumb_rotation_rad);
+            close_finger(
+                &scene.surface,
+                &scene.hand,
+                &object_from_base,
+                candidate,
+                finger,
+                s_open,
+                &mut scratch.closing,
+            )
+        })
+    });
+    Closed { fingers }
+}
+
+/// Tries one grasp.
+pub fn attempt(
+    scene: &Scene,
+    index: usize,
+    candidate: &Candidate,
+    site: &Site,
+    scratch: &mut AttemptScratch,
+) -> Result<Grasp, Rejection> {
+    let object_from_palm = &site.object_from_palm;
+    if !reachable(scene, site) {
+        return Err(Rejection::Unreachable);
+    }
+    // As open as there is room for: stretched fingers reach deeper than flexed ones, into the table under low objects.
+    // Fingers that are not used stand stretched or, where that is in the way, curled.
+    let openings = [f64::INFINITY, 2.0 * NARROW_OPENING, NARROW_OPENING];
+    let mut opened = Err(Rejection::FingerHitsObject);
+    let idle = [open_finger(0.0), curled_finger(scene)];
+    for (narrowing, idle) in openings.iter().flat_map(|n| idle.iter().map(move |i| (n, i))) {
+        let s_open = (site.expected_s - narrowing).max(0.0);
+        let pregrasp = opened_hand(scene, candidate, s_open, idle);
+        opened = free_approach(scene, site, &pregrasp, scratch).map(|()| (s_open, pregrasp));
+        if opened.is_ok() {
+            break;
+        }
+    }
+    let (s_open, pregrasp) = opened?;
+
+    let closed = close_hand(scene, candidate, object_from_palm, s_open, scratch);
+    let mut grasp = pregrasp.clone();
+    for finger in FingerId::ALL {
+        match closed.fingers[finger.index()] {
+            None => {}
+            Some(Closing::Touches(touch)) => grasp.fingers[finger.index()] = touch.angles,
+            Some(Closing::Misses) => return Err(Rejection::FingerMisses),
+            Some(Closing::StartsInside) => return Err(Rejection::FingerHitsObject),
+        }
+    }
+    if closed.touches().any(|(_, touch)| touch.link < Link::Distal || touch.pad_cosine < PAD_COSINE_MIN) {
+        return Err(Rejection::NotOnPad);
+    }
+    if !clear_of_table(scene, object_from_palm, &grasp, &mut scratch.centers) {
+        return Err(Rejection::HitsTable);
+    }
+    if fingers_collide(scene, &grasp, scratch) {
+        return Err(Rejection::FingersCollide);
+    }
+
+    let torsional_m = match candidate.contact {
+        ContactKind::Hard => 0.0,
+        ContactKind::Soft => SOFT_TIP_TORSION_M,
+    };
+    let max_force_n = scene.hand.model.tip_force_max_n;
+    let contacts: Vec<GraspContact> = closed
+        .touches()
+        .map(|(finger, touch)| GraspContact {
+            finger,
+            link: touch.link,
+            contact: Contact {
+                point_in_object: touch.point_in_object,
+                inward_normal_in_object: touch.inward_normal_in_object,
+                friction: scene.friction,
+                torsional_m,
+                max_force_n,
+            },
+        })
+        .collect();
+    scratch.contacts.clear();
+    scratch.contacts.extend(contacts.iter().map(|c| c.contact));
+    let closure = evaluate(
+        &scratch.contacts,
+        &scene.center_of_mass,
+        scene.torque_scale_m,
+        &scene.quality,
+        &mut scratch.quality,
+    );
+    match closure {
+        Closure::Force(quality) => Ok(Grasp {
+            candidate: index,
+            site: site.clone(),
+            pregrasp,
+            grasp,
+            contacts,
+            quality,
+            expected_epsilon: None,
+        }),
+        Closure::None(_) => Err(Rejection::NoForceClosure),
+        _ => Err(Rejection::Undecided),
+    }
+}
+
+/// A finger folded against the palm.
+fn curled_finger(scene: &Scene) -> FingerAngles<f64> {
+    let [flexion_rad, middle_rad] = scene.hand.flexion_limit_rad();
+    FingerAngles { abduction_rad: 0.0, flexion_rad, middle_rad }
+}
+
+/// Used fingers on the way to the preshape, at fraction `s`; the others in the `idle` posture.
+fn opened_hand(scene: &Scene, candidate: &Candidate, s: f64, idle: &FingerAngles<f64>) -> HandAngles<f64> {
+    let limit = scene.hand.flexion_limit_rad();
+    HandAngles {
+        thumb_rotation_rad: candidate.thumb_rotation_rad,
+        fingers: FingerId::ALL.map(|finger| {
+            if candidate.uses[finger.index()] {
+                candidate.finger_at(finger, s, limit)
+            } else {
+                idle.clone()
+            }
+        }),
+    }
+}
+
+/// Poses of the palm in the base frame at the approach site (behind the grasp site along the straight last way), the
+/// grasp site, and after the lift straight up.
+#[must_use]
+pub fn palm_sites(scene: &Scene, site: &Site) -> [Isometry3<f64>; 3] {
+    let grasp = scene.base_from_object * site.object_from_palm;
+    let way = scene.base_from_object * site.direction_in_object.into_inner();
+    [
+        Translation3::from(-way * scene.approach_m) * grasp,
+        grasp,
+        Translation3::new(0.0, 0.0, scene.lift_m) * grasp,
+    ]
+}
+
+/// Whether the arm has a posture for approach, grasp and lifted site; true without an arm.
+fn reachable(scene: &Scene, site: &Site) -> bool {
+    let Some(arm) = &scene.arm else { return true };
+    let palm_from_flange = flange_from_palm().inverse();
+    palm_sites(scene, site).iter().all(|base_from_palm| arm.reaches(&(base_from_palm * palm_from_flange)))
+}
+
+/// Checks palm and open fingers at the grasp site and along the straight line from the approach site.
+fn free_approach(
+    scene: &Scene,
+    site: &Site,
+    open: &HandAngles<f64>,
+    scratch: &mut AttemptScratch,
+) -> Result<(), Rejection> {
+    // The hand moves roughly along its own length, so a station every third of a fingertip's diameter misses nothing that is
+    // thicker than a millimetre.
+    let spacing_m = scene.hand.model.finger.tip_radius_m * 2.0 / 3.0;
+    let stations = (scene.approach_m / spacing_m).ceil() as usize;
+    for station in 0..=stations {
+        let back_m = scene.approach_m * station as f64 / stations as f64;
+        let object_from_palm_here =
+            Translation3::from(-site.direction_in_object.into_inner() * back_m) * site.object_from_palm;
+        // The table is below the grasp site or below nothing: the approach site is checked with it.
+        if (station == 0 || station == stations)
+            && !clear_of_table(scene, &object_from_palm_here, open, &mut scratch.centers)
+        {
+            return Err(Rejection::HitsTable);
+        }
+        let object_from_box = object_from_palm_here * scene.hand.palm_from_box;
+        if scene.surface.cuts_box(&object_from_box, &scene.hand.palm_half_extents_m)
+            || scene.surface.nearest(&Point3::from(object_from_box.translation.vector)).signed_distance_m < 0.0
+        {
+            return Err(Rejection::PalmHitsObject);
+        }
+        for finger in FingerId::ALL {
+            let base = object_from_palm_here * scene.hand.palm_from_finger_base(finger, open.thumb_rotation_rad);
+            scene.hand.bead_centers(&open.fingers[finger.index()], &mut scratch.centers);
+            let hit = scene
+                .hand
+                .beads()
+                .iter()
+                .zip(&scratch.centers)
+                .any(|(bead, center)| scene.surface.nearest(&(base * center)).signed_distance_m <= bead.radius_m);
+            if hit {
+                return Err(Rejection::FingerHitsObject);
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Whether palm and fingers stay above the table; true without a table.
+fn clear_of_table(
+    scene: &Scene,
+    object_from_palm: &Isometry3<f64>,
+    angles: &HandAngles<f64>,
+    centers: &mut Vec<Point3<f64>>,
+) -> bool {
+    let Some(table_height_m) = scene.table_height_m else { return true };
+    let base_from_palm = scene.base_from_object * object_from_palm;
+    let base_from_box = base_from_palm * scene.hand.palm_from_box;
+    let half = scene.hand.palm_half_extents_m;
+    let up_in_box = base_from_box.inverse_transform_vector(&Vector3::z());
+    let lowest_m = base_from_box.translation.z - half.dot(&up_in_box.abs());
+    if lowest_m < table_height_m + TABLE_CLEARANCE_M {
+        return false;
+    }
+    FingerId::ALL.into_iter().all(|finger| {
+        let base = base_from_palm * scene.hand.palm_from_finger_base(finger, angles.thumb_rotation_rad);
+        scene.hand.bead_centers(&angles.fingers[finger.index()], centers);
+        scene
+            .hand
+            .beads()
+            .iter()
+            .zip(centers.iter())
+            .all(|(bead, center)| (base * center).z - bead.radius_m >= table_height_m + TABLE_CLEARANCE_M)
+    })
+}
+
+/// Whether beads of two different fingers overlap by more than the tolerance.
+fn fingers_collide(scene: &Scene, angles: &HandAngles<f64>, scratch: &mut AttemptScratch) -> bool {
+    let beads = scene.hand.beads();
+    for (i, first) in FingerId::ALL.into_iter().enumerate() {
+        let first_base = scene.hand.palm_from_finger_base(first, angles.thumb_rotation_rad);
+        scene.hand.bead_centers(&angles.fingers[first.index()], &mut scratch.centers);
+        scratch.centers.iter_mut().for_each(|c| *c = first_base * *c);
+        for second in FingerId::ALL.into_iter().skip(i + 1) {
+            let second_base = scene.hand.palm_from_finger_base(second, angles.thumb_rotation_rad);
+            scene.hand.bead_centers(&angles.fingers[second.index()], &mut scratch.other_centers);
+            for (bead, center) in beads.iter().zip(&scratch.centers) {
+                for (other_bead, other) in beads.iter().zip(&scratch.other_centers) {
+                    let least_m = bead.radius_m + other_bead.radius_m - SELF_OVERLAP_M;
+                    if (center - second_base * other).norm_squared() < least_m * least_m {
+                        return true;
+                    }
+                }
+            }
+        }
+    }
+    false
+}

@@ -1,0 +1,167 @@
+//! What both strategies share: proposals tried on all cores in an order that does not depend on the threads.
+
+use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
+use rand::{Rng, RngExt};
+use rand_chacha::ChaCha8Rng;
+use rand_chacha::rand_core::SeedableRng;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+
+use super::attempt::{AttemptScratch, Grasp, Rejection, attempt};
+use super::candidates::Candidate;
+use super::scene::Scene;
+use super::settle::{Approach, Site, settle};
+
+/// Settings of a search.
+#[derive(Debug, Clone, PartialEq)]
+pub struct SearchSettings {
+    /// Most attempts; the paper's default is 300.
+    pub attempts: usize,
+    /// The paper's strategy stops at the first grasp of at least this epsilon (its default: 0.2).
+    pub threshold: f64,
+    /// Seed of every random choice.
+    pub seed: u64,
+}
+
+impl Default for SearchSettings {
+    fn default() -> Self {
+        Self { attempts: 300, threshold: 0.2, seed: 1 }
+    }
+}
+
+/// What a search found.
+#[derive(Debug, Clone)]
+pub struct SearchResult {
+    /// Attempts made.
+    pub attempts: usize,
+    /// Force-closure grasps, best first.
+    pub grasps: Vec<Grasp>,
+    /// Attempts by reason of rejection, in the order of [`Rejection::ALL`].
+    pub rejected: [usize; Rejection::ALL.len()],
+    /// Attempts until the first grasp at or above the threshold, if there was one.
+    pub attempts_to_threshold: Option<usize>,
+}
+
+impl SearchResult {
+    /// Nothing tried yet.
+    #[must_use]
+    pub fn empty() -> Self {
+        Self { attempts: 0, grasps: Vec::new(), rejected: [0; Rejection::ALL.len()], attempts_to_threshold: None }
+    }
+
+    fn record(&mut self, outcome: Result<Grasp, Rejection>, threshold: f64) {
+        self.attempts += 1;
+        match outcome {
+            Ok(grasp) => {
+                if grasp.quality.epsilon_low >= threshold && self.attempts_to_threshold.is_none() {
+                    self.attempts_to_threshold = Some(self.attempts);
+                }
+                self.grasps.push(grasp);
+            }
+            Err(reason) => {
+                if let Some(slot) = Rejection::ALL.iter().position(|r| *r == reason) {
+                    self.rejected[slot] += 1;
+                }
+            }
+        }
+    }
+
+    /// Best first; equal ones stay in the order in which they were found.
+    pub fn rank(&mut self) {
+        self.grasps.sort_by(|a, b| b.quality.epsilon_low.total_cmp(&a.quality.epsilon_low));
+    }
+}
+
+/// A placed hand to be tried, or an approach whose place is still to be settled.
+#[derive(Debug, Clone)]
+pub enum Proposal {
+    /// Settle first, over this point of the object.
+    Settle {
+        /// Index of the candidate.
+        candidate: usize,
+        /// From where.
+        approach: Approach,
+        /// The point that the contacts are to lie around, object frame.
+        target_in_object: Point3<f64>,
+    },
+    /// Try just here.
+    At {
+        /// Index of the candidate.
+        candidate: usize,
+        /// Where.
+        site: Site,
+    },
+}
+
+/// What became of a proposal.
+#[derive(Debug, Clone)]
+pub struct Tried {
+    /// Index of the candidate.
+    pub candidate: usize,
+    /// Where the hand stood.
+    pub site: Site,
+    /// Grasp or reason.
+    pub outcome: Result<Grasp, Rejection>,
+}
+
+/// Tries proposals on all cores. The results are in the order of the proposals whatever the number of threads.
+#[must_use]
+pub fn try_all(scene: &Scene, candidates: &[Candidate], proposals: &[Proposal]) -> Vec<Tried> {
+    proposals
+        .par_iter()
+        .map_init(AttemptScratch::default, |scratch, proposal| {
+            let (index, site) = match proposal {
+                Proposal::Settle { candidate, approach, target_in_object } => {
+                    (*candidate, settle(scene, &candidates[*candidate], approach, target_in_object, scratch))
+                }
+                Proposal::At { candidate, site } => (*candidate, site.clone()),
+            };
+            let outcome = attempt(scene, index, &candidates[index], &site, scratch);
+            Tried { candidate: index, site, outcome }
+        })
+        .collect()
+}
+
+/// Adds the outcomes to `result` in order and calls `progress` with the number of attempts so far. With
+/// `stop_at_threshold`, everything behind the first grasp above the threshold is as if it had not been tried, so that
+/// the batch's size cannot be seen in the result. Returns whether to stop.
+pub fn record(
+    result: &mut SearchResult,
+    tried: &[Tried],
+    settings: &SearchSettings,
+    stop_at_threshold: bool,
+    progress: &dyn Fn(usize),
+) -> bool {
+    for one in tried {
+        result.record(one.outcome.clone(), settings.threshold);
+        if result.attempts >= settings.attempts || stop_at_threshold && result.attempts_to_threshold.is_some() {
+            progress(result.attempts);
+            return true;
+        }
+    }
+    progress(result.attempts);
+    false
+}
+
+/// The generator of attempt number `index`: its numbers depend on nothing but the seed and the index.
+#[must_use]
+pub fn attempt_rng(seed: u64, index: usize) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(index as u64 + 1);
+    rng
+}
+
+/// A site turned and shifted a little about the contacts' middle: normally distributed with the given deviations.
+#[must_use]
+pub fn perturbed(site: &Site, about_in_object: &Point3<f64>, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Site {
+    let mut normal = || rng.sample::<f64, _>(StandardNormal);
+    let shift = Vector3::new(normal(), normal(), normal()) * shift_m;
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(normal(), normal(), normal()) * turn_rad);
+    let about = Translation3::from(about_in_object.coords);
+    let motion = Translation3::from(shift) * about * Isometry3::from_parts(Translation3::identity(), turn) * about.inverse();
+    Site {
+        object_from_palm: motion * site.object_from_palm,
+        direction_in_object: Unit::new_normalize(turn * site.direction_in_object.into_inner()),
+        expected_s: site.expected_s,
+    }
+}
