@@ -1,2 +1,12 @@
 //! What both ends of the bus agree on: the bytes.
+//!
+//! [`ids`] names fingers and joints and fixes their order; [`units`] holds the integers that stand for angles,
+//! torques and forces on the wire. No allocation, no floating point beyond the conversions in [`units`].
 #![no_std]
+#![forbid(unsafe_code)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod ids;
+pub mod units;
