@@ -1,1 +1,21 @@
-//! (to be described)
+//! From contacts to the quality of a grasp.
+//!
+//! [`contact`] says where fingers touch, [`friction`] what they may push there, [`wrench`] what that does to the object,
+//! [`quality`] how well it holds.
+pub mod contact;
+mod expand;
+pub mod friction;
+mod polytope;
+pub mod quality;
+pub mod wrench;
+
+pub use contact::{Contact, ContactError};
+pub use friction::{ConeModel, EdgeCount, EdgeCountError};
+pub use quality::{
+    Closure, Convention, ForceNorm, NoClosure, Norm, Quality, Separation, Settings, Workspace, evaluate,
+    evaluate_above,
+};
+pub use wrench::{GraspMap, WrenchBasis, WrenchReference, WrenchReferenceError};
+
+#[cfg(test)]
+mod tests;

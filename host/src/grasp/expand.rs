@@ -1,0 +1,196 @@
+//! The distance from the origin to the boundary of a convex set that is known by its support function.
+//!
+//! A polytope inside the set grows towards the point of the boundary nearest to the origin, as the expanding polytope
+//! algorithm of collision detection does in three dimensions, and as Zheng did for grasps (Y. Zheng, "An efficient
+//! algorithm for a grasp quality measure", IEEE T-RO 29(2), 2013). Its nearest facet bounds the distance from below;
+//! how far the set reaches in any direction bounds it from above. Distances are signed, so the polytope need not
+//! contain the origin from the start: one direction in which the set does not reach past the origin ends the search.
+
+use nalgebra::Vector6;
+
+use super::polytope::Polytope;
+
+/// Heights that rounding can make, as a fraction of the bound of the set.
+const TIE: f64 = 1e-12;
+/// Reaches at or below this fraction of the bound are zero: the origin is not inside. It leaves rounding ten times the
+/// room that it was seen to take.
+const FLOOR: f64 = 1e-11;
+/// Gaps that cannot be closed any further, as a fraction of the bound of the set.
+const GAP: f64 = 4e-12;
+
+/// Reaches up to this one are zero for a set whose points are not longer than `bound`.
+pub(super) fn floor(bound: f64) -> f64 {
+    FLOOR * bound
+}
+
+/// When to stop.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Goal {
+    /// Gap between the bounds, relative to the upper one.
+    pub(super) tolerance: f64,
+    /// Upper bounds below this one are not worth refining.
+    pub(super) reject_below: Option<f64>,
+    /// Support queries.
+    pub(super) max_queries: usize,
+}
+
+/// Why the search stopped.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Stop {
+    /// The origin is inside and the bracket as narrow as it was asked for.
+    Inside,
+    /// The origin is not inside: in the direction of the upper bound the set reaches no farther than rounding.
+    Outside,
+    /// The distance is less than was asked for.
+    Below,
+    /// Queries, facets or digits ran out.
+    Unfinished,
+}
+
+/// What is known of the distance.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Bracket {
+    /// Lower bound; not positive while the origin is not known to be inside.
+    pub(super) low: f64,
+    /// Upper bound: how far the set reaches along `direction`.
+    pub(super) high: f64,
+    /// Unit.
+    pub(super) direction: Vector6<f64>,
+    /// Support queries made.
+    pub(super) queries: usize,
+}
+
+/// A support function that remembers the direction in which it reached least.
+struct Probe<F> {
+    farthest: F,
+    bracket: Bracket,
+    floor: f64,
+}
+
+impl<F: FnMut(&Vector6<f64>) -> Vector6<f64>> Probe<F> {
+    fn ask(&mut self, direction: &Vector6<f64>) -> Vector6<f64> {
+        let point = (self.farthest)(direction);
+        let reach = point.dot(direction);
+        let bracket = &mut self.bracket;
+        bracket.queries += 1;
+        if reach < bracket.high {
+            bracket.high = reach;
+            bracket.direction = *direction;
+        }
+        point
+    }
+
+    fn is_outside(&self) -> bool {
+        self.bracket.high <= self.floor
+    }
+}
+
+/// Brackets the distance from the origin to the boundary of the set whose support function is `farthest` and whose
+/// points are not longer than `bound`. `inside` is any guess at a point of the set.
+pub(super) fn bracket(
+    polytope: &mut Polytope,
+    inside: &Vector6<f64>,
+    bound: f64,
+    goal: &Goal,
+    farthest: impl FnMut(&Vector6<f64>) -> Vector6<f64>,
+) -> (Stop, Bracket) {
+    let nothing =
+        Bracket { low: f64::NEG_INFINITY, high: f64::INFINITY, direction: Vector6::x(), queries: 0 };
+    let mut probe = Probe { farthest, bracket: nothing, floor: floor(bound) };
+    let Some(simplex) = grow_simplex(&mut probe, inside) else {
+        return (Stop::Outside, probe.bracket);
+    };
+    let stop = match polytope.start(&simplex, TIE * bound) {
+        Ok(()) => expand(polytope, &mut probe, bound, goal),
+        Err(_) => Stop::Unfinished,
+    };
+    (stop, probe.bracket)
+}
+
+/// Seven points of the set that span space, or `None` when a direction was met that separates the set from the origin.
+///
+/// Each query goes from the span so far towards the origin, as GJK does; when the origin is in the span, it goes along any
+/// direction that is not. A flat set needs no test of its own: it cannot reach past the origin on both sides.
+fn grow_simplex<F>(probe: &mut Probe<F>, inside: &Vector6<f64>) -> Option<[Vector6<f64>; 7]>
+where
+    F: FnMut(&Vector6<f64>) -> Vector6<f64>,
+{
+    let towards = (-inside).try_normalize(0.0).unwrap_or_else(Vector6::x);
+    let first = probe.ask(&towards);
+    if probe.is_outside() {
+        return None;
+    }
+    let mut simplex = [first; 7];
+    let mut span: [Vector6<f64>; 6] = [Vector6::zeros(); 6];
+    for known in 0..6 {
+        let axes = &span[..known];
+        let off_span = without(&first, axes);
+        let direction = if off_span.norm() > 2.0 * probe.floor {
+            without(&-off_span.normalize(), axes).normalize()
+        } else {
+            any_across(axes)
+        };
+        let mut point = probe.ask(&direction);
+        let reach = |point: &Vector6<f64>| (point - first).dot(&direction);
+        if !probe.is_outside() && reach(&point) <= probe.floor {
+            point = probe.ask(&-direction);
+        }
+        if probe.is_outside() {
+            return None;
+        }
+        simplex[known + 1] = point;
+        span[known] = without(&without(&(point - first), axes), axes).normalize();
+    }
+    Some(simplex)
+}
+
+/// The part of a vector across the span of orthonormal axes.
+fn without(vector: &Vector6<f64>, axes: &[Vector6<f64>]) -> Vector6<f64> {
+    axes.iter().fold(*vector, |rest, axis| rest - axis * axis.dot(&rest))
+}
+
+/// A unit vector across the span of fewer than six orthonormal axes: from the coordinate axis farthest out of the span.
+fn any_across(axes: &[Vector6<f64>]) -> Vector6<f64> {
+    let across = |k: usize| without(&Vector6::ith(k, 1.0), axes);
+    let best = (1..6).map(across).fold(across(0), |a, b| if b.norm() > a.norm() { b } else { a });
+    without(&best.normalize(), axes).normalize()
+}
+
+fn expand<F>(polytope: &mut Polytope, probe: &mut Probe<F>, bound: f64, goal: &Goal) -> Stop
+where
+    F: FnMut(&Vector6<f64>) -> Vector6<f64>,
+{
+    loop {
+        let nearest = polytope.pop_nearest();
+        // Facets as far out as the upper bound are not queued: when no other is left, the bounds have met.
+        let low = nearest.map_or(probe.bracket.high, |facet| facet.low);
+        probe.bracket.low = low.max(probe.bracket.low).min(probe.bracket.high);
+        if let Some(stop) = verdict(&probe.bracket, probe.floor, bound, goal) {
+            return stop;
+        }
+        let Some(nearest) = nearest else { return Stop::Unfinished };
+        if probe.bracket.queries >= goal.max_queries {
+            return Stop::Unfinished;
+        }
+        let point = probe.ask(&nearest.normal);
+        if let Some(stop) = verdict(&probe.bracket, probe.floor, bound, goal) {
+            return stop;
+        }
+        if polytope.insert(nearest.facet, point, probe.bracket.high).is_err() {
+            return Stop::Unfinished;
+        }
+    }
+}
+
+fn verdict(bracket: &Bracket, floor: f64, bound: f64, goal: &Goal) -> Option<Stop> {
+    let Bracket { low, high, .. } = *bracket;
+    if high <= floor {
+        Some(Stop::Outside)
+    } else if goal.reject_below.is_some_and(|least| high < least) {
+        Some(Stop::Below)
+    } else if low > 0.0 && high - low <= (goal.tolerance * high).max(GAP * bound) {
+        Some(Stop::Inside)
+    } else {
+        None
+    }
+}

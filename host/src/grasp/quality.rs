@@ -1,0 +1,334 @@
+//! The quality of a grasp: Ferrari and Canny's epsilon, or the proof that there is none.
+//!
+//! A grasp is force-closed when its fingers can balance any wrench. Epsilon is the radius of the largest ball about the
+//! origin of wrench space inside the set of wrenches that the fingers exert with bounded effort (C. Ferrari and J. Canny,
+//! "Planning optimal grasps", ICRA 1992): the disturbance that they withstand in the worst direction.
+
+use std::fmt;
+
+use nalgebra::Vector6;
+
+use super::contact::Contact;
+use super::expand::{self, Bracket, Goal, Stop};
+use super::friction::ConeModel;
+use super::polytope::Polytope;
+use super::wrench::{GraspMap, WrenchReference};
+
+/// What bounds the effort of the fingers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum Norm {
+    /// Normal forces that sum to one: epsilon is a fraction of the total normal force.
+    #[default]
+    L1,
+    /// Every normal force at most its contact's `max_force_n`: epsilon is in newtons.
+    LInf,
+}
+
+/// What has unit length in a friction cone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default)]
+pub enum ForceNorm {
+    /// The normal component: `GraspIt!` and this project.
+    #[default]
+    Normal,
+    /// The edge of the cone, so that a contact counts `1 / sqrt(1 + friction^2)` of the other convention: `FRoGGeR`. The
+    /// exact cone is here the limit of the pyramids, without the cap of unit forces that bulges beyond its rim.
+    Edge,
+}
+
+/// How to measure. The default is `GraspIt!`'s convention with the exact cone, to a millionth.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Settings {
+    /// Shape of the friction cones.
+    pub cone: ConeModel,
+    /// What bounds the effort.
+    pub norm: Norm,
+    /// What has unit length in a cone.
+    pub force_norm: ForceNorm,
+    /// Gap between the bounds on epsilon, relative to the upper one, at which the search is done. 1 asks only whether
+    /// there is closure; 0 (or anything that is no number above it) asks for all the digits that there are.
+    pub tolerance: f64,
+    /// Support queries after which the search gives up with [`Closure::Unfinished`].
+    ///
+    /// A common grasp takes 20 to 60. Round ones, contacts spread evenly on a sphere, say, can take thousands with the
+    /// exact cone.
+    pub max_iterations: usize,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            cone: ConeModel::Exact,
+            norm: Norm::L1,
+            force_norm: ForceNorm::Normal,
+            tolerance: 1e-6,
+            max_iterations: 4000,
+        }
+    }
+}
+
+/// Everything that a number depends on besides the contacts: without it an epsilon means nothing.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Convention {
+    /// Shape of the friction cones.
+    pub cone: ConeModel,
+    /// What bounds the effort.
+    pub norm: Norm,
+    /// What has unit length in a cone.
+    pub force_norm: ForceNorm,
+    /// Centre and scale of torques.
+    pub reference: WrenchReference,
+}
+
+impl Convention {
+    /// The convention of an evaluation.
+    #[must_use]
+    pub fn of(settings: &Settings, reference: &WrenchReference) -> Self {
+        let Settings { cone, norm, force_norm, .. } = *settings;
+        Self { cone, norm, force_norm, reference: *reference }
+    }
+}
+
+impl fmt::Display for Convention {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let unit = match self.force_norm {
+            ForceNorm::Normal => "unit normal force",
+            ForceNorm::Edge => "unit edge force",
+        };
+        let norm = match self.norm {
+            Norm::L1 => "normal forces sum to 1 (L1)",
+            Norm::LInf => "normal forces up to each finger's limit (L-infinity), in newtons",
+        };
+        let c = self.reference.center_of_mass_in_object();
+        let scale = self.reference.torque_scale_m();
+        write!(f, "{}, {unit}, {norm}, torque / {scale} m about ({}, {}, {})", self.cone, c.x, c.y, c.z)
+    }
+}
+
+/// How good a grasp is, bracketed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Quality {
+    /// Epsilon is at least this: a ball so large lies inside a polytope of wrenches that the fingers exert.
+    pub epsilon_low: f64,
+    /// Epsilon is at most this: how far the fingers' wrenches reach along `weakest_wrench`.
+    pub epsilon_high: f64,
+    /// Unit wrench, force then torque / scale, that the fingers exert least of. The disturbance that is hardest to
+    /// withstand is its opposite.
+    pub weakest_wrench: Vector6<f64>,
+    /// Support queries made.
+    pub iterations: usize,
+}
+
+impl Quality {
+    /// The number to report and to rank by: the lower bound, so that no grasp looks better than it is.
+    #[must_use]
+    pub fn epsilon(&self) -> f64 {
+        self.epsilon_low
+    }
+
+    fn of(bracket: &Bracket) -> Self {
+        Self {
+            epsilon_low: bracket.low.max(0.0),
+            epsilon_high: bracket.high,
+            weakest_wrench: bracket.direction,
+            iterations: bracket.queries,
+        }
+    }
+}
+
+/// Why a grasp is not force-closed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum NoClosure {
+    /// There is no contact.
+    NoContacts,
+    /// All wrenches of the fingers lie on one side: some disturbance is not withstood at all.
+    Separated,
+    /// The wrenches do not span space: nothing is exerted along the direction, either way. So it is with one or two hard
+    /// contacts, with hard contacts in a line, and without friction on a body of revolution.
+    Flat,
+    /// The origin is on the boundary of the wrenches, to within rounding: the fingers balance the disturbance along the
+    /// direction at best, and push against it never.
+    Boundary,
+}
+
+impl fmt::Display for NoClosure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::NoContacts => "there is no contact",
+            Self::Separated => "all contact wrenches are on one side",
+            Self::Flat => "the contact wrenches do not span all directions",
+            Self::Boundary => "the contact wrenches reach the origin but not around it",
+        })
+    }
+}
+
+/// The proof that a grasp is not force-closed: a direction along which no contact can exert anything.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Separation {
+    /// Unit wrench, force then torque / scale, that the fingers cannot exert.
+    pub direction: Vector6<f64>,
+    /// How far, at least, the wrench of every unit normal force is behind the plane across `direction`; 0 when the plane
+    /// touches (and at least minus the rounding error then).
+    pub margin: f64,
+    /// What kind of failure it is.
+    pub reason: NoClosure,
+    /// Support queries made.
+    pub iterations: usize,
+}
+
+impl Separation {
+    /// Checks the proof without trust in the search: no contact reaches along the direction. Rounding is allowed 1e-11
+    /// of the longest wrench.
+    #[must_use]
+    pub fn verify(&self, contacts: &[Contact], reference: &WrenchReference, settings: &Settings) -> bool {
+        let map = GraspMap::new(contacts, reference, settings.cone, settings.force_norm);
+        (self.direction.norm() - 1.0).abs() < 1e-9
+            && map
+                .reach(&self.direction, Norm::L1)
+                .is_none_or(|reach| reach <= expand::floor(map.bound(Norm::L1)))
+    }
+}
+
+/// What an evaluation finds.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[must_use]
+pub enum Closure {
+    /// Force closure, with epsilon to the tolerance.
+    Force(Quality),
+    /// No force closure, with the proof. An epsilon below 1e-11 of the longest wrench counts as none: the digits of the
+    /// wrenches cannot tell.
+    None(Separation),
+    /// Epsilon is below the floor that was asked for, if there is closure at all; it was not looked at further.
+    Below(Quality),
+    /// Iterations, facets or digits ran out. The bracket holds; closure is certain exactly when its lower bound is
+    /// positive.
+    Unfinished(Quality),
+}
+
+impl Closure {
+    /// The bracket of a grasp that is certainly force-closed, finished or not.
+    #[must_use]
+    pub fn quality(&self) -> Option<&Quality> {
+        match self {
+            Self::Force(quality) | Self::Below(quality) | Self::Unfinished(quality) => {
+                (quality.epsilon_low > 0.0).then_some(quality)
+            }
+            Self::None(_) => None,
+        }
+    }
+}
+
+/// Memory of an evaluation. One that is kept, one per thread, makes later evaluations free of allocation.
+#[derive(Debug, Clone)]
+pub struct Workspace {
+    map: GraspMap,
+    polytope: Polytope,
+}
+
+impl Workspace {
+    /// An empty one.
+    #[must_use]
+    pub fn new() -> Self {
+        Self { map: GraspMap::empty(), polytope: Polytope::default() }
+    }
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Measures a grasp.
+///
+/// Never fails: contacts and reference are valid by construction, and a degenerate grasp is an outcome like any other.
+pub fn evaluate(
+    contacts: &[Contact],
+    reference: &WrenchReference,
+    settings: &Settings,
+    workspace: &mut Workspace,
+) -> Closure {
+    search(contacts, reference, settings, None, workspace)
+}
+
+/// Measures a grasp as long as it may be as good as `floor` (in the unit of epsilon), and stops with
+/// [`Closure::Below`] as soon as it cannot.
+///
+/// With the best epsilon so far as floor, this finds the best of many grasps for little more than the cost of their
+/// closure tests.
+pub fn evaluate_above(
+    contacts: &[Contact],
+    reference: &WrenchReference,
+    settings: &Settings,
+    floor: f64,
+    workspace: &mut Workspace,
+) -> Closure {
+    search(contacts, reference, settings, Some(floor), workspace)
+}
+
+fn search(
+    contacts: &[Contact],
+    reference: &WrenchReference,
+    settings: &Settings,
+    reject_below: Option<f64>,
+    workspace: &mut Workspace,
+) -> Closure {
+    let Workspace { map, polytope } = workspace;
+    map.assign(contacts, reference, settings.cone, settings.force_norm);
+    if contacts.is_empty() {
+        let direction = Vector6::x();
+        return Closure::None(Separation {
+            direction,
+            margin: 0.0,
+            reason: NoClosure::NoContacts,
+            iterations: 0,
+        });
+    }
+    let inside = map.mean_normal_wrench();
+    let mut bracket = |norm: Norm, goal: &Goal| {
+        expand::bracket(polytope, &inside, map.bound(norm), goal, |u| map.farthest(u, norm))
+    };
+    let mut spent = 0;
+    if settings.norm == Norm::LInf {
+        // The set of L-infinity contains the origin always, on its boundary when there is no closure, and the way to
+        // the boundary is long. The set of L1 is apart from the origin then, and a few queries show it.
+        let closure = Goal { tolerance: 1.0, reject_below: None, max_queries: settings.max_iterations };
+        let (stop, found) = bracket(Norm::L1, &closure);
+        spent = found.queries;
+        match stop {
+            Stop::Inside => {}
+            Stop::Outside => return Closure::None(separation(map, &found)),
+            Stop::Below | Stop::Unfinished => {
+                let high = map.reach(&found.direction, Norm::LInf).unwrap_or(0.0);
+                return Closure::Unfinished(Quality::of(&Bracket { low: 0.0, high, ..found }));
+            }
+        }
+    }
+    let goal = Goal {
+        tolerance: settings.tolerance,
+        reject_below,
+        max_queries: settings.max_iterations.saturating_sub(spent),
+    };
+    let (stop, mut found) = bracket(settings.norm, &goal);
+    found.queries += spent;
+    match stop {
+        Stop::Inside => Closure::Force(Quality::of(&found)),
+        Stop::Outside => Closure::None(separation(map, &found)),
+        Stop::Below => Closure::Below(Quality::of(&found)),
+        Stop::Unfinished => Closure::Unfinished(Quality::of(&found)),
+    }
+}
+
+fn separation(map: &GraspMap, found: &Bracket) -> Separation {
+    let direction = found.direction;
+    let reach = |direction: &Vector6<f64>| map.reach(direction, Norm::L1).unwrap_or(0.0);
+    let floor = expand::floor(map.bound(Norm::L1));
+    let margin = -reach(&direction);
+    let reason = if margin > floor {
+        NoClosure::Separated
+    } else if reach(&-direction) <= floor {
+        NoClosure::Flat
+    } else {
+        NoClosure::Boundary
+    };
+    Separation { direction, margin, reason, iterations: found.queries }
+}
