@@ -76,7 +76,9 @@ fn pieces_of_the_lid_keep_rim_and_hollow() {
     let lid = BuiltIn::TeacupCover.object(1.0).unwrap();
     let hulls = hulls(&lid);
     let volume: f64 = hulls.iter().map(|hull| hull.mass_properties(1.0).mass()).sum();
-    assert!((volume / lid.mesh.signed_volume_m3() - 1.0).abs() < 0.06, "pieces hold {volume} m^3");
+    // A sector's hull spans its inner arc by a chord, 0.67 mm at the flange: the excess lies in the hollow side.
+    let excess = volume / lid.mesh.signed_volume_m3() - 1.0;
+    assert!((0.0..0.09).contains(&excess), "pieces hold {excess} too much");
     for solid in [
         [0.0, 0.0, 0.029],
         [0.0, 0.0, 0.045],
