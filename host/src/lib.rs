@@ -2,7 +2,7 @@
 //!
 //! Data flows one way: scan -> surface -> grasp/plan -> exec -> link. `twin` is the only module that may import the
 //! firmware library; see `docs/architecture.md` for the arrows and `docs/conventions.md` for frames and units.
-pub mod cli;
+
 pub mod exec;
 pub mod grasp;
 pub mod io;
@@ -13,3 +13,4 @@ pub mod scan;
 pub mod surface;
 #[cfg(feature = "twin")]
 pub mod twin;
+pub mod view;

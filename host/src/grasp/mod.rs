@@ -5,6 +5,7 @@
 pub mod contact;
 mod expand;
 pub mod friction;
+pub mod grip;
 mod polytope;
 pub mod quality;
 pub mod wrench;

@@ -1,25 +1,24 @@
 //! One grasp attempt: place the palm, check reach and collisions, close the fingers, take contacts, evaluate.
 
-use hand_model::{FingerAngles, HandAngles};
+use hand_model::{FingerAngles, FingerInverse, FingerTrig, HandAngles, inverse_angles, tip};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use protocol::ids::FingerId;
 
-use super::arm::flange_from_palm;
+use super::arm::Inverse;
 use super::candidates::{Candidate, ContactKind, SOFT_TIP_TORSION_M, open_finger};
 use super::closing::{Closing, ClosingScratch, Touch, close_finger};
 use super::hand_body::Link;
 use super::scene::{Scene, TABLE_CLEARANCE_M};
 use super::settle::Site;
-use crate::grasp::contact::Contact;
-use crate::grasp::quality::{Closure, Quality, Workspace, evaluate};
+use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate};
 
 /// Least cosine between a finger's push and its pad's normal: contacts further than 75 degrees round the finger are
 /// not carried by its rubber pad.
 const PAD_COSINE_MIN: f64 = 0.26;
 
-/// How far before the expected touch, in closing fractions, the fingers stand when there is no room to open wider. A
-/// fraction takes a tip over some 60 mm, so this leaves 15 mm on each side.
-pub(super) const NARROW_OPENING: f64 = 0.25;
+/// How far the tips stand off their contacts before they close, metres, widest first: room for errors of scan, arm and
+/// calibration, as much as object, table and joint limits leave.
+const STAND_OFF_M: [f64; 3] = [0.025, 0.015, 0.008];
 
 /// Overlap of beads of two fingers that is still no collision, metres: the chains are rounder than the links.
 const SELF_OVERLAP_M: f64 = 0.002;
@@ -31,7 +30,7 @@ pub struct Grasp {
     pub candidate: usize,
     /// Where the palm is and from where it came.
     pub site: Site,
-    /// Fingers as open as object and table let them be, as at the approach site.
+    /// Tips standing off their contacts along the normals, as at the approach site.
     pub pregrasp: HandAngles<f64>,
     /// All used fingers touching.
     pub grasp: HandAngles<f64>,
@@ -142,13 +141,12 @@ impl Closed {
     }
 }
 
-/// Closes the used fingers of a candidate from fraction `s_open` about the object, the palm held still.
+/// Closes the used fingers of a candidate about the object, the palm held still.
 #[must_use]
 pub fn close_hand(
     scene: &Scene,
     candidate: &Candidate,
     object_from_palm: &Isometry3<f64>,
-    s_open: f64,
     scratch: &mut AttemptScratch,
 ) -> Closed {
     let fingers = FingerId::ALL.map(|finger| {
@@ -161,7 +159,6 @@ pub fn close_hand(
                 &object_from_base,
                 candidate,
                 finger,
-                s_open,
                 &mut scratch.closing,
             )
         })
@@ -181,23 +178,11 @@ pub fn attempt(
     if !reachable(scene, site) {
         return Err(Rejection::Unreachable);
     }
-    // As open as there is room for: stretched fingers reach deeper than flexed ones, into the table under low objects.
-    // Fingers that are not used stand stretched or, where that is in the way, curled.
-    let openings = [f64::INFINITY, 2.0 * NARROW_OPENING, NARROW_OPENING];
-    let mut opened = Err(Rejection::FingerHitsObject);
-    let idle = [open_finger(0.0), curled_finger(scene)];
-    for (narrowing, idle) in openings.iter().flat_map(|n| idle.iter().map(move |i| (n, i))) {
-        let s_open = (site.expected_s - narrowing).max(0.0);
-        let pregrasp = opened_hand(scene, candidate, s_open, idle);
-        opened = free_approach(scene, site, &pregrasp, scratch).map(|()| (s_open, pregrasp));
-        if opened.is_ok() {
-            break;
-        }
-    }
-    let (s_open, pregrasp) = opened?;
-
-    let closed = close_hand(scene, candidate, object_from_palm, s_open, scratch);
-    let mut grasp = pregrasp.clone();
+    let closed = close_hand(scene, candidate, object_from_palm, scratch);
+    let mut grasp = HandAngles {
+        thumb_rotation_rad: candidate.thumb_rotation_rad,
+        fingers: candidate.abduction_rad.map(open_finger),
+    };
     for finger in FingerId::ALL {
         match closed.fingers[finger.index()] {
             None => {}
@@ -209,75 +194,106 @@ pub fn attempt(
     if closed.touches().any(|(_, touch)| touch.link < Link::Distal || touch.pad_cosine < PAD_COSINE_MIN) {
         return Err(Rejection::NotOnPad);
     }
-    if !clear_of_table(scene, object_from_palm, &grasp, &mut scratch.centers) {
-        return Err(Rejection::HitsTable);
-    }
-    if fingers_collide(scene, &grasp, scratch) {
-        return Err(Rejection::FingersCollide);
-    }
-
     let torsional_m = match candidate.contact {
         ContactKind::Hard => 0.0,
         ContactKind::Soft => SOFT_TIP_TORSION_M,
     };
-    let max_force_n = scene.hand.model.tip_force_max_n;
-    let contacts: Vec<GraspContact> = closed
+    let contacts = closed
         .touches()
-        .map(|(finger, touch)| GraspContact {
-            finger,
-            link: touch.link,
-            contact: Contact {
-                point_in_object: touch.point_in_object,
-                inward_normal_in_object: touch.inward_normal_in_object,
-                friction: scene.friction,
-                torsional_m,
-                max_force_n,
-            },
+        .map(|(finger, touch)| {
+            let contact = contact(scene, &touch, torsional_m).map_err(|_| Rejection::Undecided)?;
+            Ok(GraspContact { finger, link: touch.link, contact })
         })
-        .collect();
+        .collect::<Result<Vec<_>, Rejection>>()?;
     scratch.contacts.clear();
     scratch.contacts.extend(contacts.iter().map(|c| c.contact));
-    let closure = evaluate(
-        &scratch.contacts,
-        &scene.center_of_mass,
-        scene.torque_scale_m,
-        &scene.quality,
-        &mut scratch.quality,
-    );
-    match closure {
-        Closure::Force(quality) => Ok(Grasp {
-            candidate: index,
-            site: site.clone(),
-            pregrasp,
-            grasp,
-            contacts,
-            quality,
-            expected_epsilon: None,
-        }),
-        Closure::None(_) => Err(Rejection::NoForceClosure),
-        _ => Err(Rejection::Undecided),
+    let closure = evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
+    let quality = match (closure.quality(), closure) {
+        (Some(quality), _) => *quality,
+        (None, Closure::None(_)) => return Err(Rejection::NoForceClosure),
+        (None, _) => return Err(Rejection::Undecided),
+    };
+    let pregrasp = open_up(scene, candidate, site, &closed, &mut grasp, scratch)?;
+    Ok(Grasp {
+        candidate: index,
+        site: site.clone(),
+        pregrasp,
+        grasp,
+        contacts,
+        quality,
+        expected_epsilon: None,
+    })
+}
+
+/// Finds the posture for the way to the object: tips standing off their contacts as far as there is room, fingers that
+/// are not used stretched or, where that is in the way, curled (in `grasp` too). Errors with the last obstacle.
+fn open_up(
+    scene: &Scene,
+    candidate: &Candidate,
+    site: &Site,
+    closed: &Closed,
+    grasp: &mut HandAngles<f64>,
+    scratch: &mut AttemptScratch,
+) -> Result<HandAngles<f64>, Rejection> {
+    let mut obstacle = Rejection::FingerHitsObject;
+    for idle in [open_finger(0.0), curled_finger(scene)] {
+        for finger in FingerId::ALL.into_iter().filter(|f| !candidate.uses[f.index()]) {
+            grasp.fingers[finger.index()] = idle;
+        }
+        if !clear_of_table(scene, &site.object_from_palm, grasp, &mut scratch.centers) {
+            obstacle = Rejection::HitsTable;
+            continue;
+        }
+        if fingers_collide(scene, grasp, scratch) {
+            obstacle = Rejection::FingersCollide;
+            continue;
+        }
+        for stand_off_m in STAND_OFF_M {
+            let Some(pregrasp) = stand_off(scene, site, closed, grasp, stand_off_m) else { continue };
+            match free_approach(scene, site, &pregrasp, scratch) {
+                Ok(()) => return Ok(pregrasp),
+                Err(reason) => obstacle = reason,
+            }
+        }
     }
+    Err(obstacle)
+}
+
+/// The grasp with every touching tip drawn back from its contact along the normal; `None` when a finger's limits do not
+/// let it.
+fn stand_off(
+    scene: &Scene,
+    site: &Site,
+    closed: &Closed,
+    grasp: &HandAngles<f64>,
+    stand_off_m: f64,
+) -> Option<HandAngles<f64>> {
+    let model = &scene.hand.model;
+    let mut opened = *grasp;
+    for (finger, touch) in closed.touches() {
+        let object_from_base =
+            site.object_from_palm * scene.hand.palm_from_finger_base(finger, grasp.thumb_rotation_rad);
+        let back = object_from_base
+            .inverse_transform_vector(&(-stand_off_m * touch.inward_normal_in_object.into_inner()));
+        let tip_in_base = tip(&model.finger, &FingerTrig::new(&touch.angles, f64::sin_cos)) + back;
+        match inverse_angles(&model.finger, &model.soft_limits, finger, &tip_in_base, f64::atan2) {
+            FingerInverse::Reached(angles) => opened.fingers[finger.index()] = angles,
+            _ => return None,
+        }
+    }
+    Some(opened)
+}
+
+fn contact(scene: &Scene, touch: &Touch, torsional_m: f64) -> Result<Contact, ContactError> {
+    Contact::new(touch.point_in_object, touch.inward_normal_in_object.into_inner(), scene.friction)?
+        .with_torsion(torsional_m)?
+        .with_max_force(scene.hand.model.drive.tip_force_max_n)
 }
 
 /// A finger folded against the palm.
 fn curled_finger(scene: &Scene) -> FingerAngles<f64> {
     let [flexion_rad, middle_rad] = scene.hand.flexion_limit_rad();
     FingerAngles { abduction_rad: 0.0, flexion_rad, middle_rad }
-}
-
-/// Used fingers on the way to the preshape, at fraction `s`; the others in the `idle` posture.
-fn opened_hand(scene: &Scene, candidate: &Candidate, s: f64, idle: &FingerAngles<f64>) -> HandAngles<f64> {
-    let limit = scene.hand.flexion_limit_rad();
-    HandAngles {
-        thumb_rotation_rad: candidate.thumb_rotation_rad,
-        fingers: FingerId::ALL.map(|finger| {
-            if candidate.uses[finger.index()] {
-                candidate.finger_at(finger, s, limit)
-            } else {
-                idle.clone()
-            }
-        }),
-    }
 }
 
 /// Poses of the palm in the base frame at the approach site (behind the grasp site along the straight last way), the
@@ -296,8 +312,9 @@ pub fn palm_sites(scene: &Scene, site: &Site) -> [Isometry3<f64>; 3] {
 /// Whether the arm has a posture for approach, grasp and lifted site; true without an arm.
 fn reachable(scene: &Scene, site: &Site) -> bool {
     let Some(arm) = &scene.arm else { return true };
-    let palm_from_flange = flange_from_palm().inverse();
-    palm_sites(scene, site).iter().all(|base_from_palm| arm.reaches(&(base_from_palm * palm_from_flange)))
+    palm_sites(scene, site).iter().all(|base_from_palm| {
+        matches!(arm.palm_solutions_near(base_from_palm, &[0.0; 6]), Inverse::Solutions(_))
+    })
 }
 
 /// Checks palm and open fingers at the grasp site and along the straight line from the approach site.
@@ -323,19 +340,18 @@ fn free_approach(
         }
         let object_from_box = object_from_palm_here * scene.hand.palm_from_box;
         if scene.surface.cuts_box(&object_from_box, &scene.hand.palm_half_extents_m)
-            || scene.surface.nearest(&Point3::from(object_from_box.translation.vector)).signed_distance_m < 0.0
+            || scene.surface.nearest(&Point3::from(object_from_box.translation.vector)).signed_distance_m
+                < 0.0
         {
             return Err(Rejection::PalmHitsObject);
         }
         for finger in FingerId::ALL {
-            let base = object_from_palm_here * scene.hand.palm_from_finger_base(finger, open.thumb_rotation_rad);
+            let base =
+                object_from_palm_here * scene.hand.palm_from_finger_base(finger, open.thumb_rotation_rad);
             scene.hand.bead_centers(&open.fingers[finger.index()], &mut scratch.centers);
-            let hit = scene
-                .hand
-                .beads()
-                .iter()
-                .zip(&scratch.centers)
-                .any(|(bead, center)| scene.surface.nearest(&(base * center)).signed_distance_m <= bead.radius_m);
+            let hit = scene.hand.beads().iter().zip(&scratch.centers).any(|(bead, center)| {
+                scene.surface.nearest(&(base * center)).signed_distance_m <= bead.radius_m
+            });
             if hit {
                 return Err(Rejection::FingerHitsObject);
             }

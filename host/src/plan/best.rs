@@ -119,7 +119,7 @@ fn refine(
 
 /// Mean of the contact points, object frame.
 fn contact_middle(grasp: &Grasp) -> Point3<f64> {
-    let sum: Vector3<f64> = grasp.contacts.iter().map(|c| c.contact.point_in_object.coords).sum();
+    let sum: Vector3<f64> = grasp.contacts.iter().map(|c| c.contact.point_in_object().coords).sum();
     Point3::from(sum / grasp.contacts.len().max(1) as f64)
 }
 
@@ -143,7 +143,6 @@ fn rank_by_robustness(scene: &Scene, candidates: &[Candidate], seed: u64, result
         let sum: f64 = samples.iter().flat_map(|t| &t.outcome).map(|g| g.quality.epsilon_low).sum();
         grasp.expected_epsilon = Some(sum / ROBUST_SAMPLES as f64);
     }
-    result.grasps[..count].sort_by(|a, b| {
-        b.expected_epsilon.unwrap_or(0.0).total_cmp(&a.expected_epsilon.unwrap_or(0.0))
-    });
+    result.grasps[..count]
+        .sort_by(|a, b| b.expected_epsilon.unwrap_or(0.0).total_cmp(&a.expected_epsilon.unwrap_or(0.0)));
 }

@@ -119,7 +119,8 @@ mod tests {
             for finger in FingerId::ALL {
                 let limit = [75f64.to_radians(); 2];
                 let preshape = candidate.finger_at(finger, 1.0, limit);
-                let wanted = if finger == FingerId::Thumb { candidate.thumb_rad } else { candidate.fingers_rad };
+                let wanted =
+                    if finger == FingerId::Thumb { candidate.thumb_rad } else { candidate.fingers_rad };
                 assert!((preshape.flexion_rad - wanted[0]).abs() < 1e-15);
                 assert!((preshape.middle_rad - wanted[1]).abs() < 1e-15);
                 let far = candidate.finger_at(finger, 100.0, limit);

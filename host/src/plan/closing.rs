@@ -52,14 +52,13 @@ pub struct ClosingScratch {
     bounds: Vec<f64>,
 }
 
-/// Closes `finger` from fraction `s_open` along the candidate's line until a bead touches the surface.
+/// Closes `finger` from its open posture along the candidate's line until a bead touches the surface.
 pub fn close_finger(
     surface: &SurfaceQuery,
     hand: &HandBody,
     object_from_base: &Isometry3<f64>,
     candidate: &Candidate,
     finger: FingerId,
-    s_open: f64,
     scratch: &mut ClosingScratch,
 ) -> Closing {
     let limit = hand.flexion_limit_rad();
@@ -79,7 +78,7 @@ pub fn close_finger(
     let ClosingScratch { centers, bounds } = scratch;
     bounds.clear();
     bounds.resize(hand.beads().len(), 0.0);
-    let mut s = s_open;
+    let mut s = 0.0;
     for step in 0..MAX_STEPS {
         let angles = candidate.finger_at(finger, s, limit);
         hand.bead_centers(&angles, centers);
@@ -95,8 +94,8 @@ pub fn close_finger(
                         return Closing::StartsInside;
                     }
                     let push = nearest.point_in_object - center_in_object;
-                    let pad_in_object =
-                        object_from_base * hand_model::pad_normal(&hand_model::FingerTrig::new(&angles, f64::sin_cos));
+                    let pad_in_object = object_from_base
+                        * hand_model::pad_normal(&hand_model::FingerTrig::new(&angles, f64::sin_cos));
                     let inward_normal_in_object = Unit::new_normalize(push);
                     return Closing::Touches(Touch {
                         s,

@@ -78,15 +78,20 @@ pub type Posture = BTreeMap<String, f64>;
 /// A posture of the hand by joint name.
 #[must_use]
 pub fn posture(angles: &HandAngles<f64>) -> Posture {
-    JointId::ALL.iter().zip(angles.to_array()).map(|(joint, angle)| (joint.name().to_owned(), angle)).collect()
+    JointId::ALL
+        .iter()
+        .zip(angles.to_array())
+        .map(|(joint, angle)| (joint.name().to_owned(), angle))
+        .collect()
 }
 
 /// Reads a posture back; `name` is for the error.
 pub fn hand_angles(posture: &Posture, name: &'static str) -> Result<HandAngles<f64>, DocumentError> {
     let mut array = HandAngles::default().to_array();
     for (slot, joint) in array.iter_mut().zip(JointId::ALL) {
-        let angle =
-            posture.get(joint.name()).ok_or(DocumentError::MissingJoint { posture: name, joint: joint.name() })?;
+        let angle = posture
+            .get(joint.name())
+            .ok_or(DocumentError::MissingJoint { posture: name, joint: joint.name() })?;
         if !angle.is_finite() {
             return Err(DocumentError::NotFinite(joint.name()));
         }

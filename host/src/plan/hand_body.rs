@@ -62,7 +62,7 @@ impl HandBody {
     pub fn hit_dlr() -> Self {
         let model = HandModel::<f64>::hit_dlr();
         let finger = &model.finger;
-        let radii = finger.link_radius_m;
+        let radii = model.collision.link_radii_m;
         let mut beads = Vec::new();
         for (link, length_m, radius_m) in [
             (Link::Proximal, finger.l1_m, radii[0]),
@@ -74,15 +74,16 @@ impl HandBody {
             let count = (length_m / (0.5 * radius_m)).ceil().max(1.0);
             beads.extend((1..=count as usize).map(|i| Bead {
                 link,
-                along_m: length_m * i as f64 / count - if link == Link::Distal { length_m / count } else { 0.0 },
+                along_m: length_m * i as f64 / count
+                    - if link == Link::Distal { length_m / count } else { 0.0 },
                 radius_m,
             }));
         }
         beads.push(Bead { link: Link::Tip, along_m: finger.l3_m, radius_m: finger.tip_radius_m });
-        let palm = &model.palm_box;
+        let (low, high) = (model.collision.palm.min_in_palm, model.collision.palm.max_in_palm);
         Self {
-            palm_from_box: Isometry3::translation(palm.center_m[0], palm.center_m[1], palm.center_m[2]),
-            palm_half_extents_m: Vector3::from(palm.half_extents_m),
+            palm_from_box: Isometry3::from(nalgebra::center(&low, &high).coords),
+            palm_half_extents_m: 0.5 * (high - low),
             beads,
             model,
         }
@@ -119,8 +120,8 @@ impl HandBody {
     /// Upper soft limits of flexion and middle joint, rad: where closing ends.
     #[must_use]
     pub fn flexion_limit_rad(&self) -> [f64; 2] {
-        let upper = self.model.soft_limits.finger_upper_rad();
-        [upper[1], upper[2]]
+        let limits = &self.model.soft_limits;
+        [limits.flexion.upper_rad, limits.middle.upper_rad]
     }
 
     /// Greatest distance of a bead's centre from the finger's base, metres: bounds its speed per radian of flexion.

@@ -1,1 +1,20 @@
-//! (to be described)
+//! Where to grasp and how to get there.
+//!
+//! A [`scene::Scene`] holds what is fixed. A search ([`paper`] or [`best`]) proposes sites; [`settle`] moves the palm
+//! until the fingers touch together; [`attempt`] checks reach and collisions, closes the fingers ([`closing`]) and
+//! evaluates the contacts.
+pub mod arm;
+pub mod attempt;
+pub mod best;
+pub mod candidates;
+pub mod closing;
+pub mod document;
+pub mod hand_body;
+pub mod paper;
+pub mod scene;
+pub mod search;
+pub mod settle;
+pub mod surface_query;
+
+#[cfg(test)]
+mod tests;

@@ -126,7 +126,8 @@ fn oppositions(scene: &Scene, direction_in_object: &Vector3<f64>, count: usize) 
     let thin = thinnest_across(scene, &direction);
     (0..count)
         .map(|i| {
-            let turn = UnitQuaternion::from_axis_angle(&direction, std::f64::consts::TAU * i as f64 / count as f64);
+            let turn =
+                UnitQuaternion::from_axis_angle(&direction, std::f64::consts::TAU * i as f64 / count as f64);
             Approach { direction_in_object: direction, opposition_in_object: turn * thin }
         })
         .collect()
@@ -157,7 +158,7 @@ pub fn thinnest_across(scene: &Scene, direction: &Unit<Vector3<f64>>) -> Vector3
             .unwrap_or(0);
         (0..3).filter(|&i| i != along).collect()
     };
-    let thin = if eigen.eigenvalues[across[0]] <= eigen.eigenvalues[across[1]] { across[0] } else { across[1] };
+    let thin =
+        if eigen.eigenvalues[across[0]] <= eigen.eigenvalues[across[1]] { across[0] } else { across[1] };
     eigen.eigenvectors.column(thin).into_owned()
 }
-

@@ -1,15 +1,16 @@
 //! Everything that a grasp attempt is tried against: object, table, arm, hand, friction.
 
 use nalgebra::{Isometry3, Point3};
+use thiserror::Error;
 
 use super::arm::Arm;
 use super::hand_body::HandBody;
 use super::surface_query::{SurfaceQuery, SurfaceQueryError};
-use crate::grasp::quality::Settings as QualitySettings;
+use crate::grasp::{Settings as QualitySettings, WrenchReference, WrenchReferenceError};
 use crate::surface::Mesh;
 
-/// Clearance that every part but the fingertips keeps from the table, metres.
-pub const TABLE_CLEARANCE_M: f64 = 0.002;
+/// Clearance that hand and fingers keep from the table, metres: above the arm's error, below what low objects need.
+pub const TABLE_CLEARANCE_M: f64 = 0.001;
 
 /// What is fixed while grasps are tried. Frames: `object` is the mesh's own frame, `base` the robot's.
 pub struct Scene {
@@ -19,8 +20,9 @@ pub struct Scene {
     pub mesh: Mesh,
     /// Centre of mass, object frame: of the enclosed solid, or of the surface's area when the mesh is open.
     pub center_of_mass: Point3<f64>,
-    /// Largest distance of a vertex from the centre of mass, metres: divides torques (GraspIt's convention).
-    pub torque_scale_m: f64,
+    /// Centre and scale of torques: the scale is the largest distance of a vertex from the centre of mass (GraspIt's
+    /// convention).
+    pub wrench_reference: WrenchReference,
     /// Where the object stands.
     pub base_from_object: Isometry3<f64>,
     /// Height of the table's top in the base frame, metres; `None` without a table.
@@ -39,6 +41,17 @@ pub struct Scene {
     pub lift_m: f64,
 }
 
+/// Why there is no scene.
+#[derive(Debug, Error)]
+pub enum SceneError {
+    /// The mesh cannot be indexed.
+    #[error(transparent)]
+    Surface(#[from] SurfaceQueryError),
+    /// Its vertices coincide or are too large.
+    #[error(transparent)]
+    Wrench(#[from] WrenchReferenceError),
+}
+
 impl Scene {
     /// A scene with the hand of the 2005 system, friction 0.4, 80 mm of straight approach and a lift of 100 mm.
     /// Errors when the mesh cannot be indexed.
@@ -47,15 +60,13 @@ impl Scene {
         base_from_object: Isometry3<f64>,
         table_height_m: Option<f64>,
         arm: Option<Arm>,
-    ) -> Result<Self, SurfaceQueryError> {
+    ) -> Result<Self, SceneError> {
         let center_of_mass = mesh.bulk().center_of_mass;
-        let torque_scale_m =
-            mesh.vertices().iter().map(|p| (p - center_of_mass).norm()).fold(0.0, f64::max);
         Ok(Self {
             surface: SurfaceQuery::new(&mesh)?,
+            wrench_reference: WrenchReference::of_object(center_of_mass, mesh.vertices())?,
             mesh,
             center_of_mass,
-            torque_scale_m,
             base_from_object,
             table_height_m,
             arm,

@@ -46,7 +46,12 @@ impl SearchResult {
     /// Nothing tried yet.
     #[must_use]
     pub fn empty() -> Self {
-        Self { attempts: 0, grasps: Vec::new(), rejected: [0; Rejection::ALL.len()], attempts_to_threshold: None }
+        Self {
+            attempts: 0,
+            grasps: Vec::new(),
+            rejected: [0; Rejection::ALL.len()],
+            attempts_to_threshold: None,
+        }
     }
 
     fn record(&mut self, outcome: Result<Grasp, Rejection>, threshold: f64) {
@@ -134,7 +139,8 @@ pub fn record(
 ) -> bool {
     for one in tried {
         result.record(one.outcome.clone(), settings.threshold);
-        if result.attempts >= settings.attempts || stop_at_threshold && result.attempts_to_threshold.is_some() {
+        if result.attempts >= settings.attempts || stop_at_threshold && result.attempts_to_threshold.is_some()
+        {
             progress(result.attempts);
             return true;
         }
@@ -153,15 +159,23 @@ pub fn attempt_rng(seed: u64, index: usize) -> ChaCha8Rng {
 
 /// A site turned and shifted a little about the contacts' middle: normally distributed with the given deviations.
 #[must_use]
-pub fn perturbed(site: &Site, about_in_object: &Point3<f64>, shift_m: f64, turn_rad: f64, rng: &mut impl Rng) -> Site {
+pub fn perturbed(
+    site: &Site,
+    about_in_object: &Point3<f64>,
+    shift_m: f64,
+    turn_rad: f64,
+    rng: &mut impl Rng,
+) -> Site {
     let mut normal = || rng.sample::<f64, _>(StandardNormal);
     let shift = Vector3::new(normal(), normal(), normal()) * shift_m;
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(normal(), normal(), normal()) * turn_rad);
     let about = Translation3::from(about_in_object.coords);
-    let motion = Translation3::from(shift) * about * Isometry3::from_parts(Translation3::identity(), turn) * about.inverse();
+    let motion = Translation3::from(shift)
+        * about
+        * Isometry3::from_parts(Translation3::identity(), turn)
+        * about.inverse();
     Site {
         object_from_palm: motion * site.object_from_palm,
         direction_in_object: Unit::new_normalize(turn * site.direction_in_object.into_inner()),
-        expected_s: site.expected_s,
     }
 }

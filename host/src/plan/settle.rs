@@ -52,7 +52,9 @@ impl Approach {
 }
 
 fn rotation_from_axes(x: &Vector3<f64>, y: &Vector3<f64>, z: &Vector3<f64>) -> UnitQuaternion<f64> {
-    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[*x, *y, *z])))
+    UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(Matrix3::from_columns(&[
+        *x, *y, *z,
+    ])))
 }
 
 /// A placed hand, before anything is known of its contacts.
@@ -62,8 +64,6 @@ pub struct Site {
     pub object_from_palm: Isometry3<f64>,
     /// Direction of the straight last way, object frame.
     pub direction_in_object: Unit<Vector3<f64>>,
-    /// Closing fraction at which the fingers are expected to touch.
-    pub expected_s: f64,
 }
 
 /// The tips at one closing fraction.
@@ -129,7 +129,7 @@ pub fn settle(
     let mut site = place(scene, candidate, approach, &rotation, &mut center, s, scratch);
 
     for _ in 0..MAX_CORRECTIONS {
-        let closed = close_hand(scene, candidate, &site.object_from_palm, 0.0, scratch);
+        let closed = close_hand(scene, candidate, &site.object_from_palm, scratch);
         let fraction = |closing: &Closing| match closing {
             Closing::Touches(touch) => Some(touch.s),
             _ => None,
@@ -137,8 +137,7 @@ pub fn settle(
         let thumb = closed.fingers[FingerId::Thumb.index()];
         let others: Vec<Closing> = closed.fingers[1..].iter().flatten().copied().collect();
         let touching: Vec<f64> = others.iter().filter_map(fraction).collect();
-        let others_s =
-            (!touching.is_empty()).then(|| touching.iter().sum::<f64>() / touching.len() as f64);
+        let others_s = (!touching.is_empty()).then(|| touching.iter().sum::<f64>() / touching.len() as f64);
         let inside = |closing: &Closing| matches!(closing, Closing::StartsInside);
         // Correction in the grasp frame: +x takes the thumb away from the object and brings the fingers nearer.
         let mut step = Vector3::zeros();
@@ -181,8 +180,9 @@ fn place(
     scratch: &mut AttemptScratch,
 ) -> Site {
     let grasp_from_palm = grasp_frame(scene, candidate, s).palm_from_grasp.inverse();
-    let object_from_palm =
-        |center: &Point3<f64>| Isometry3::from_parts(Translation3::from(center.coords), *rotation) * grasp_from_palm;
+    let object_from_palm = |center: &Point3<f64>| {
+        Isometry3::from_parts(Translation3::from(center.coords), *rotation) * grasp_from_palm
+    };
     let deficit_m = table_deficit_m(scene, candidate, &object_from_palm(center), s, scratch);
     if deficit_m > 0.0 {
         *center += scene.base_from_object.inverse_transform_vector(&Vector3::z()) * deficit_m;
@@ -190,7 +190,6 @@ fn place(
     Site {
         object_from_palm: object_from_palm(center),
         direction_in_object: approach.direction_in_object,
-        expected_s: s,
     }
 }
 
@@ -208,7 +207,7 @@ fn tip_way_per_fraction_m(scene: &Scene, candidate: &Candidate) -> f64 {
     0.5 * (way(FingerId::Thumb) + way(FingerId::Index))
 }
 
-/// How far the used fingers, just before and at fraction `s`, reach below the clearance above the table, metres.
+/// How far the used fingers at fraction `s` reach below the clearance above the table, metres.
 fn table_deficit_m(
     scene: &Scene,
     candidate: &Candidate,
@@ -225,11 +224,9 @@ fn table_deficit_m(
             continue;
         }
         let base = base_from_palm * scene.hand.palm_from_finger_base(finger, candidate.thumb_rotation_rad);
-        for fraction in [(s - super::attempt::NARROW_OPENING).max(0.0), s] {
-            scene.hand.bead_centers(&candidate.finger_at(finger, fraction, limit), scratch.centers_mut());
-            for (bead, center) in scene.hand.beads().iter().zip(scratch.centers_mut().iter()) {
-                lowest_m = lowest_m.min((base * center).z - bead.radius_m);
-            }
+        scene.hand.bead_centers(&candidate.finger_at(finger, s, limit), scratch.centers_mut());
+        for (bead, center) in scene.hand.beads().iter().zip(scratch.centers_mut().iter()) {
+            lowest_m = lowest_m.min((base * center).z - bead.radius_m);
         }
     }
     // A tenth of a millimetre more than the clearance, so that rounding does not make the attempt refuse the pose.

@@ -74,7 +74,8 @@ impl SurfaceQuery {
         );
         // parry supports every pair of a mesh with a convex shape: its "unsupported" error cannot come from here. Were
         // it to come all the same, "cuts" is the safe answer.
-        intersection_test(&Pose::IDENTITY, &self.trimesh, &pose, shape).unwrap_or(true)
+        intersection_test(&Pose::IDENTITY, &self.trimesh, &pose, shape)
+            .map_or(true, |found| found.intersecting)
     }
 }
 

@@ -72,8 +72,8 @@ impl Picture<'_> {
         push_box(triangles, &base_from_box, &self.hand.palm_half_extents_m, PALM);
         let mut centers = Vec::new();
         for finger in FingerId::ALL {
-            let base = self.base_from_palm
-                * self.hand.palm_from_finger_base(finger, self.angles.thumb_rotation_rad);
+            let base =
+                self.base_from_palm * self.hand.palm_from_finger_base(finger, self.angles.thumb_rotation_rad);
             self.hand.bead_centers(&self.angles.fingers[finger.index()], &mut centers);
             let root = base * Point3::origin();
             let joints: Vec<(Point3<f64>, f64)> = std::iter::once((root, self.hand.beads()[0].radius_m))
@@ -91,14 +91,17 @@ impl Picture<'_> {
     /// A cone with its apex at the contact, opening against the inward normal with half angle atan(mu).
     fn push_cone(&self, triangles: &mut Vec<Triangle>, contact: &Contact) {
         const SIDES: usize = 24;
-        let apex = self.base_from_object * contact.point_in_object;
-        let outward = -(self.base_from_object * contact.inward_normal_in_object.into_inner());
-        let across = outward.cross(&if outward.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() }).normalize();
+        let apex = self.base_from_object * contact.point_in_object();
+        let outward = -(self.base_from_object * contact.inward_normal_in_object().into_inner());
+        let across =
+            outward.cross(&if outward.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() }).normalize();
         let ring = |k: usize| {
-            let turn = Rotation3::from_scaled_axis(outward * (std::f64::consts::TAU * k as f64 / SIDES as f64));
-            apex + CONE_M * (outward + turn * across * contact.friction)
+            let turn =
+                Rotation3::from_scaled_axis(outward * (std::f64::consts::TAU * k as f64 / SIDES as f64));
+            apex + CONE_M * (outward + turn * across * contact.friction())
         };
-        triangles.extend((0..SIDES).map(|k| Triangle { corners: [apex, ring(k), ring(k + 1)], color: CONES }));
+        triangles
+            .extend((0..SIDES).map(|k| Triangle { corners: [apex, ring(k), ring(k + 1)], color: CONES }));
     }
 }
 
@@ -122,7 +125,13 @@ fn push_box(triangles: &mut Vec<Triangle>, frame: &Isometry3<f64>, half_m: &Vect
 }
 
 /// The side of a cylinder between two points, with a ball at its end.
-fn push_tube(triangles: &mut Vec<Triangle>, from: &Point3<f64>, to: &Point3<f64>, radius_m: f64, color: Color) {
+fn push_tube(
+    triangles: &mut Vec<Triangle>,
+    from: &Point3<f64>,
+    to: &Point3<f64>,
+    radius_m: f64,
+    color: Color,
+) {
     const SIDES: usize = 20;
     push_sphere(triangles, to, radius_m, color);
     let way = to - from;
@@ -137,7 +146,11 @@ fn push_tube(triangles: &mut Vec<Triangle>, from: &Point3<f64>, to: &Point3<f64>
         frame * Point3::new(radius_m * cos, radius_m * sin, z)
     };
     for k in 0..SIDES {
-        push_quad(triangles, [rim(k, 0.0), rim(k + 1, 0.0), rim(k + 1, way.norm()), rim(k, way.norm())], color);
+        push_quad(
+            triangles,
+            [rim(k, 0.0), rim(k + 1, 0.0), rim(k + 1, way.norm()), rim(k, way.norm())],
+            color,
+        );
     }
 }
 

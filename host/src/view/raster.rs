@@ -36,7 +36,13 @@ const NEAR_M: f64 = 0.01;
 ///
 /// `width` and `height` in pixels. Triangles that reach behind the camera are left out.
 #[must_use]
-pub fn render(triangles: &[Triangle], camera: &Camera, width: u32, height: u32, background: Color) -> RgbImage {
+pub fn render(
+    triangles: &[Triangle],
+    camera: &Camera,
+    width: u32,
+    height: u32,
+    background: Color,
+) -> RgbImage {
     let (w, h) = ((width * SUPERSAMPLING) as usize, (height * SUPERSAMPLING) as usize);
     let view = Isometry3::look_at_rh(&camera.eye, &camera.target, &Vector3::z());
     let focal_px = 0.5 * h as f64 / (0.5 * camera.field_of_view_rad).tan();
@@ -94,7 +100,8 @@ pub fn render(triangles: &[Triangle], camera: &Camera, width: u32, height: u32, 
         let mut sum = [0u32; 3];
         for dy in 0..SUPERSAMPLING {
             for dx in 0..SUPERSAMPLING {
-                let sample = color[((y * SUPERSAMPLING + dy) as usize) * w + (x * SUPERSAMPLING + dx) as usize];
+                let sample =
+                    color[((y * SUPERSAMPLING + dy) as usize) * w + (x * SUPERSAMPLING + dx) as usize];
                 for (total, channel) in sum.iter_mut().zip(sample) {
                     *total += u32::from(channel);
                 }
@@ -121,11 +128,8 @@ mod tests {
         let mut triangles = square(0.1, 0.05, red).to_vec();
         triangles.extend(square(0.0, 0.3, blue));
         // A camera straight above would look along the up direction: lean a little.
-        let camera = Camera {
-            eye: Point3::new(0.0, -0.05, 1.0),
-            target: Point3::origin(),
-            field_of_view_rad: 0.7,
-        };
+        let camera =
+            Camera { eye: Point3::new(0.0, -0.05, 1.0), target: Point3::origin(), field_of_view_rad: 0.7 };
         let image = render(&triangles, &camera, 64, 64, [255, 255, 255]);
         let hue = |x, y| {
             let Rgb([r, g, b]) = *image.get_pixel(x, y);

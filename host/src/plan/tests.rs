@@ -1,0 +1,41 @@
+//! Searches on bodies of known shape.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::arm::Arm;
+use super::scene::Scene;
+use super::search::{SearchResult, SearchSettings};
+use super::{best, paper};
+use crate::object::BuiltIn;
+
+fn scene(object: BuiltIn) -> Scene {
+    let object = object.object(1.0).unwrap();
+    Scene::new(object.mesh, Isometry3::translation(0.42, 0.0, 0.0), Some(0.0), Some(Arm::rx60())).unwrap()
+}
+
+fn summary(name: &str, result: &SearchResult) -> String {
+    let best = result.grasps.first();
+    format!(
+        "{name}: {} attempts, {} closures, best {:?} expected {:?}, threshold after {:?}, rejected {:?}",
+        result.attempts,
+        result.grasps.len(),
+        best.map(|g| (g.candidate, g.quality.epsilon_low)),
+        best.and_then(|g| g.expected_epsilon),
+        result.attempts_to_threshold,
+        result.rejected
+    )
+}
+
+#[test]
+fn probe() {
+    for object in BuiltIn::ALL {
+        let scene = scene(object);
+        let t = std::time::Instant::now();
+        let result = paper::search(&scene, &SearchSettings::default(), &|_| {});
+        println!("paper {} {:?}", summary(object.name(), &result), t.elapsed());
+        let t = std::time::Instant::now();
+        let result = best::search(&scene, &SearchSettings { attempts: 1000, ..Default::default() }, &|_| {});
+        println!("best  {} {:?}", summary(object.name(), &result), t.elapsed());
+    }
+    let _ = (Point3::<f64>::origin(), Vector3::<f64>::x());
+}
