@@ -1,1 +1,4 @@
-//! (to be described)
+//! Planning: the arm's kinematics, and motions that it can follow.
+pub mod arm;
+pub mod timing;
+pub mod trajectory;
