@@ -81,6 +81,10 @@ pub struct Solutions {
 
 /// What the inverse kinematics found.
 #[derive(Debug, Clone, Copy, PartialEq)]
+#[allow(
+    clippy::large_enum_variant,
+    reason = "boxing the eight solutions would allocate in the planner's inner loop"
+)]
 pub enum Inverse {
     /// At least one configuration: eight in regular poses, fewer where branches merge. A wrist or elbow singularity
     /// is named in the solution's [`Branch`].
@@ -182,7 +186,7 @@ impl Arm {
                     continue;
                 }
             };
-            for (elbow, theta2, theta3) in elbows.into_iter().flatten() {
+            for Bend { elbow, theta2, theta3 } in elbows.into_iter().flatten() {
                 let wrist = Rotation3::from_axis_angle(&Vector3::y_axis(), -(theta2 + theta3))
                     * Rotation3::from_axis_angle(&Vector3::z_axis(), -theta1)
                     * rotation;
@@ -239,7 +243,7 @@ impl Arm {
     }
 
     /// Angles 2 and 3 of the formulas for a wrist centre at `(x, z)` from axis 2 in the plane of the arm.
-    fn elbows(&self, x: f64, z: f64) -> Result<[Option<(Elbow, f64, f64)>; 2], Miss> {
+    fn elbows(&self, x: f64, z: f64) -> Result<[Option<Bend>; 2], Miss> {
         let g = &self.params.geometry;
         let (upper_m, fore_m) = (g.c2_m, g.forearm_m());
         let distance_m = x.hypot(z);
@@ -256,7 +260,7 @@ impl Arm {
         let forearm_lean = g.a2_m.atan2(g.c3_m);
         let solve = |elbow, bend: f64| {
             let theta2 = x.atan2(z) - (fore_m * bend.sin()).atan2(upper_m + fore_m * bend.cos());
-            Some((elbow, theta2, bend - forearm_lean))
+            Some(Bend { elbow, theta2, theta3: bend - forearm_lean })
         };
         if from_stretched <= LENGTH_TOLERANCE_M * greatest_m || from_folded <= LENGTH_TOLERANCE_M * greatest_m
         {
@@ -264,6 +268,14 @@ impl Arm {
         }
         Ok([solve(Elbow::Positive, bend), solve(Elbow::Negative, -bend)])
     }
+}
+
+/// Angles 2 and 3 of the formulas for one elbow, radians.
+#[derive(Debug, Clone, Copy)]
+struct Bend {
+    elbow: Elbow,
+    theta2: f64,
+    theta3: f64,
 }
 
 /// A wrist centre that the links do not reach.

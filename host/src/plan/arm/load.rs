@@ -203,7 +203,7 @@ mod tests {
             (point_mass(1.5, 0.40), LoadMode::Exceeded { because: LoadQuantity::Axis5Inertia }),
             (disk(0.0064), LoadMode::Reduced { because: LoadQuantity::Axis6Inertia }),
             (disk(0.0321), LoadMode::Exceeded { because: LoadQuantity::Axis6Inertia }),
-            (off_axis(4.0, 0.0918), LoadMode::Exceeded { because: LoadQuantity::Axis6Torque }),
+            (off_axis(4.4, 0.0835), LoadMode::Exceeded { because: LoadQuantity::Axis6Torque }),
             (point_mass(4.4, 0.103), LoadMode::Exceeded { because: LoadQuantity::Axis5Torque }),
             // 5.0 N m, which axis 5 would bear alone, but not beside 2.35 N m on axis 6.
             (beside, LoadMode::Exceeded { because: LoadQuantity::Axis5Torque }),
