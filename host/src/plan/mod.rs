@@ -15,6 +15,8 @@ pub mod scene;
 pub mod search;
 pub mod settle;
 pub mod surface_query;
+pub mod timing;
+pub mod trajectory;
 
 #[cfg(test)]
 mod tests;

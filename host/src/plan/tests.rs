@@ -39,3 +39,18 @@ fn probe() {
     }
     let _ = (Point3::<f64>::origin(), Vector3::<f64>::x());
 }
+
+#[test]
+fn query_speed() {
+    for object in BuiltIn::ALL {
+        let scene = scene(object);
+        let t = std::time::Instant::now();
+        let mut sum = 0.0;
+        for i in 0..20000 {
+            let a = f64::from(i) * 0.37;
+            let r = 0.05 + 0.03 * (f64::from(i) * 0.11).sin();
+            sum += scene.surface.nearest(&Point3::new(r * a.cos(), r * a.sin(), 0.03 * (f64::from(i) * 0.07).sin() + 0.02)).signed_distance_m;
+        }
+        println!("paper {} {} tris {:?} per query {sum}", object.name(), scene.mesh.faces().len(), t.elapsed() / 20000);
+    }
+}

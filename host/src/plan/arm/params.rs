@@ -1,0 +1,206 @@
+//! The numbers of an arm, and those of the Stäubli RX60.
+//!
+//! "Manual" below is the manufacturer's: Stäubli, "Arm - RX series 60B family", D28045004E, 02/2008, pages 26 to 31.
+
+use nalgebra::{Isometry3, Point3, Vector3};
+
+use super::{ArmError, JointLimits, Joints, LinkCapsule, load::LoadRating};
+
+/// Lengths and angle conventions of an ortho-parallel arm with a spherical wrist.
+///
+/// In the stretched-up pose (all `theta` zero), in the base frame: axis 2 passes through `(a1, *, c1)` along y, axis 3
+/// through `(a1, b, c1 + c2)`, the wrist centre is `(a1 + a2, b, c1 + c2 + c3)` and the flange is `c4` above it.
+/// The angles of the formulas are `theta_i = sign_i q_i - offset_i`, as in the published parameter sets for other arms.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct OpwGeometry {
+    /// Axis 1 to axis 2, along x.
+    pub a1_m: f64,
+    /// Axis 3 to axis 4, along x; negative when the forearm lies above the elbow of an arm stretched forward.
+    pub a2_m: f64,
+    /// Lateral offset of the arm's plane, along y.
+    pub b_m: f64,
+    /// Base to axis 2, along z.
+    pub c1_m: f64,
+    /// Axis 2 to axis 3.
+    pub c2_m: f64,
+    /// Axis 3 to the wrist centre, along axis 4.
+    pub c3_m: f64,
+    /// Wrist centre to flange.
+    pub c4_m: f64,
+    /// Subtracted from the signed joint angles, radians.
+    pub offset_rad: Joints,
+    /// +1 where a joint turns with the formulas, -1 where it turns against them.
+    pub sign: [f64; 6],
+}
+
+/// Everything that is known about an arm.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ArmParams {
+    /// Shown to people.
+    pub name: String,
+    /// Lengths and conventions.
+    pub geometry: OpwGeometry,
+    /// Joint limits.
+    pub limits: JointLimits,
+    /// Greatest joint speeds with nominal load, rad/s.
+    pub speed_rad_per_s: Joints,
+    /// Greatest joint accelerations with nominal load, rad/s^2.
+    pub acceleration_rad_per_s2: Joints,
+    /// Greatest speed of the load in space, m/s.
+    pub cartesian_speed_m_per_s: f64,
+    /// What the wrist may carry.
+    pub load: LoadRating,
+    /// Bodies for collision checks.
+    pub capsules: Vec<LinkCapsule>,
+}
+
+/// Time in which the RX60 is taken to reach full speed. The manual gives no accelerations; 0.3 s keeps the hand below
+/// 10 m/s^2 on axes 1 to 3 and is an assumption.
+const RX60_RUN_UP_S: f64 = 0.3;
+
+/// Thickness of the plate between the flange (ISO 9409-1-A31.5) and the hand's wrist plane. An assumption: another
+/// laboratory mounts the same hand without any plate.
+const ADAPTER_PLATE_M: f64 = 0.020;
+
+/// Pose of the palm frame in the flange frame: axes parallel, the plate's thickness in front of the flange.
+pub(super) fn adapter_plate() -> Isometry3<f64> {
+    Isometry3::translation(0.0, 0.0, ADAPTER_PLATE_M)
+}
+
+impl OpwGeometry {
+    /// Stäubli RX60, manual, dimension drawing: 341, 290, 310 and 65 mm along the arm, whose plane is 49 mm beside
+    /// axis 1 on the +y side.
+    #[must_use]
+    pub const fn rx60() -> Self {
+        Self {
+            a1_m: 0.0,
+            a2_m: 0.0,
+            b_m: 0.049,
+            c1_m: 0.341,
+            c2_m: 0.290,
+            c3_m: 0.310,
+            c4_m: 0.065,
+            offset_rad: [0.0; 6],
+            sign: [1.0; 6],
+        }
+    }
+
+    /// Axis 3 to the wrist centre in a straight line, metres.
+    #[must_use]
+    pub fn forearm_m(&self) -> f64 {
+        self.a2_m.hypot(self.c3_m)
+    }
+
+    /// Angles of the formulas from joint angles.
+    pub(super) fn theta_from_joints(&self, q_rad: &Joints) -> Joints {
+        std::array::from_fn(|i| self.sign[i] * q_rad[i] - self.offset_rad[i])
+    }
+
+    /// Joint angles from angles of the formulas.
+    pub(super) fn joints_from_theta(&self, theta: &Joints) -> Joints {
+        std::array::from_fn(|i| self.sign[i] * (theta[i] + self.offset_rad[i]))
+    }
+}
+
+impl ArmParams {
+    /// Stäubli RX60.
+    ///
+    /// Limits, speeds, payload and wrist torques are the manual's tables; the accelerations are assumed (see
+    /// `RX60_RUN_UP_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
+    /// may differ.
+    #[must_use]
+    pub fn rx60() -> Self {
+        let speed_rad_per_s = [287.0_f64, 287.0, 319.0, 410.0, 320.0, 700.0].map(f64::to_radians);
+        Self {
+            name: "Stäubli RX60".to_owned(),
+            geometry: OpwGeometry::rx60(),
+            limits: JointLimits {
+                lower_rad: [-160.0_f64, -127.5, -134.5, -270.0, -109.5, -270.0].map(f64::to_radians),
+                upper_rad: [160.0_f64, 127.5, 134.5, 270.0, 120.5, 270.0].map(f64::to_radians),
+            },
+            speed_rad_per_s,
+            acceleration_rad_per_s2: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S),
+            cartesian_speed_m_per_s: 1.8,
+            load: LoadRating::rx60(),
+            capsules: rx60_capsules(),
+        }
+    }
+
+    /// The first parameter that no arm can have.
+    pub(super) fn check(&self) -> Result<(), ArmError> {
+        let g = &self.geometry;
+        let lengths = [
+            ("a1_m", g.a1_m),
+            ("a2_m", g.a2_m),
+            ("b_m", g.b_m),
+            ("c1_m", g.c1_m),
+            ("c2_m", g.c2_m),
+            ("c3_m", g.c3_m),
+            ("c4_m", g.c4_m),
+            ("cartesian_speed_m_per_s", self.cartesian_speed_m_per_s),
+        ];
+        let per_axis = [
+            ("offset_rad", &g.offset_rad),
+            ("lower_rad", &self.limits.lower_rad),
+            ("upper_rad", &self.limits.upper_rad),
+            ("speed_rad_per_s", &self.speed_rad_per_s),
+            ("acceleration_rad_per_s2", &self.acceleration_rad_per_s2),
+        ];
+        let axes = per_axis.iter().flat_map(|(name, values)| values.iter().map(|&v| (*name, v)));
+        if let Some((name, value)) = lengths.into_iter().chain(axes).find(|(_, v)| !v.is_finite()) {
+            return Err(ArmError::NotFinite { name, value });
+        }
+        let positive = [("c2_m", g.c2_m), ("forearm", g.forearm_m())]
+            .into_iter()
+            .chain([("cartesian_speed_m_per_s", self.cartesian_speed_m_per_s)])
+            .chain(self.speed_rad_per_s.map(|v| ("speed_rad_per_s", v)))
+            .chain(self.acceleration_rad_per_s2.map(|v| ("acceleration_rad_per_s2", v)));
+        if let Some((name, value)) = positive.into_iter().find(|(_, v)| *v <= 0.0) {
+            return Err(ArmError::NotPositive { name, value });
+        }
+        for i in 0..6 {
+            if g.sign[i].abs() != 1.0 {
+                return Err(ArmError::Sign { axis: i + 1, value: g.sign[i] });
+            }
+            let [lower_rad, upper_rad] = [self.limits.lower_rad[i], self.limits.upper_rad[i]];
+            if lower_rad >= upper_rad {
+                return Err(ArmError::Limits { axis: i + 1, lower_rad, upper_rad });
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Bodies of the RX60 from the radii of the manual's drawing: base 115 mm, shoulder box 214 mm wide, upper-arm plate
+/// 94 mm tapering to 82 mm at 107 to 197.5 mm beside axis 1, forearm 59 mm, wrist 46 mm tapering to 35 mm.
+///
+/// The plate is flat; the capsule around it stands out by about 0.05 m on either side.
+fn rx60_capsules() -> Vec<LinkCapsule> {
+    let capsule = |link, from: [f64; 3], to: [f64; 3], radius_m| LinkCapsule {
+        link,
+        from: Point3::from(from),
+        to: Point3::from(to),
+        radius_m,
+    };
+    let plate_y_m = 0.5 * (0.107 + 0.1975);
+    vec![
+        capsule(0, [0.0, 0.0, 0.115], [0.0, 0.0, 0.226], 0.115),
+        capsule(1, [0.0, -0.040, 0.0], [0.0, 0.040, 0.0], 0.115),
+        capsule(2, [0.0, plate_y_m, 0.0], [0.0, plate_y_m, 0.290], 0.104),
+        capsule(3, [0.0, 0.0, 0.0], [0.0, 0.0, 0.251], 0.059),
+        capsule(4, [0.0, 0.0, -0.046], [0.0, 0.0, 0.0], 0.046),
+        capsule(5, [0.0, 0.0, 0.0], [0.0, 0.0, 0.030], 0.035),
+    ]
+}
+
+/// Origins of the link frames in the stretched-up pose, each in the frame before it, metres.
+pub(super) fn link_offsets(g: &OpwGeometry) -> [Vector3<f64>; 6] {
+    [
+        Vector3::new(0.0, 0.0, g.c1_m),
+        Vector3::new(g.a1_m, 0.0, 0.0),
+        Vector3::new(0.0, g.b_m, g.c2_m),
+        Vector3::new(g.a2_m, 0.0, g.c3_m),
+        Vector3::zeros(),
+        Vector3::new(0.0, 0.0, g.c4_m),
+    ]
+}

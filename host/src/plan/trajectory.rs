@@ -1,0 +1,1 @@
+//! Motions of the arm over time.
