@@ -20,6 +20,9 @@ const PAD_COSINE_MIN: f64 = 0.26;
 /// calibration, as much as object, table and joint limits leave.
 const STAND_OFF_M: [f64; 3] = [0.025, 0.015, 0.008];
 
+/// Least step of a bead along the approach, metres: it may so dive by less than this under a grazed surface.
+const TRACE_STEP_MIN_M: f64 = 2.0e-4;
+
 /// Overlap of beads of two fingers that is still no collision, metres: the chains are rounder than the links.
 const SELF_OVERLAP_M: f64 = 0.002;
 
@@ -141,27 +144,14 @@ impl Closed {
     }
 }
 
-/// Closes the used fingers of a candidate about the object, the palm held still.
+/// Closes the used fingers about the object, the palm held still.
 #[must_use]
-pub fn close_hand(
-    scene: &Scene,
-    candidate: &Candidate,
-    object_from_palm: &Isometry3<f64>,
-    scratch: &mut AttemptScratch,
-) -> Closed {
+pub fn close_hand(scene: &Scene, site: &Site, scratch: &mut AttemptScratch) -> Closed {
     let fingers = FingerId::ALL.map(|finger| {
-        candidate.uses[finger.index()].then(|| {
-            let object_from_base =
-                object_from_palm * scene.hand.palm_from_finger_base(finger, candidate.thumb_rotation_rad);
-            close_finger(
-                &scene.surface,
-                &scene.hand,
-                &object_from_base,
-                candidate,
-                finger,
-                &mut scratch.closing,
-            )
-        })
+        let path = site.preshape.paths[finger.index()].as_ref()?;
+        let palm_from_base = scene.hand.palm_from_finger_base(finger, site.preshape.thumb_rotation_rad);
+        let object_from_base = site.object_from_palm * palm_from_base;
+        Some(close_finger(&scene.surface, &scene.hand, &object_from_base, path, &mut scratch.closing))
     });
     Closed { fingers }
 }
@@ -174,11 +164,10 @@ pub fn attempt(
     site: &Site,
     scratch: &mut AttemptScratch,
 ) -> Result<Grasp, Rejection> {
-    let object_from_palm = &site.object_from_palm;
     if !reachable(scene, site) {
         return Err(Rejection::Unreachable);
     }
-    let closed = close_hand(scene, candidate, object_from_palm, scratch);
+    let closed = close_hand(scene, site, scratch);
     let mut grasp = HandAngles {
         thumb_rotation_rad: candidate.thumb_rotation_rad,
         fingers: candidate.abduction_rad.map(open_finger),
@@ -324,36 +313,43 @@ fn free_approach(
     open: &HandAngles<f64>,
     scratch: &mut AttemptScratch,
 ) -> Result<(), Rejection> {
-    // The hand moves roughly along its own length, so a station every third of a fingertip's diameter misses nothing that is
-    // thicker than a millimetre.
+    let back = -site.direction_in_object.into_inner();
+    // The table is below the grasp site or below nothing: both ends of the way stand for all of it.
+    for back_m in [0.0, scene.approach_m] {
+        let object_from_palm = Translation3::from(back * back_m) * site.object_from_palm;
+        if !clear_of_table(scene, &object_from_palm, open, &mut scratch.centers) {
+            return Err(Rejection::HitsTable);
+        }
+    }
+    // The palm is thick: stations a third of a fingertip's diameter apart miss nothing that it could hit.
     let spacing_m = scene.hand.model.finger.tip_radius_m * 2.0 / 3.0;
     let stations = (scene.approach_m / spacing_m).ceil() as usize;
     for station in 0..=stations {
         let back_m = scene.approach_m * station as f64 / stations as f64;
-        let object_from_palm_here =
-            Translation3::from(-site.direction_in_object.into_inner() * back_m) * site.object_from_palm;
-        // The table is below the grasp site or below nothing: the approach site is checked with it.
-        if (station == 0 || station == stations)
-            && !clear_of_table(scene, &object_from_palm_here, open, &mut scratch.centers)
-        {
-            return Err(Rejection::HitsTable);
-        }
-        let object_from_box = object_from_palm_here * scene.hand.palm_from_box;
-        if scene.surface.cuts_box(&object_from_box, &scene.hand.palm_half_extents_m)
-            || scene.surface.nearest(&Point3::from(object_from_box.translation.vector)).signed_distance_m
-                < 0.0
-        {
+        let object_from_box =
+            Translation3::from(back * back_m) * site.object_from_palm * scene.hand.palm_from_box;
+        let inside = || {
+            let middle = Point3::from(object_from_box.translation.vector);
+            scene.surface.nearest(&middle).signed_distance_m < 0.0
+        };
+        if scene.surface.cuts_box(&object_from_box, &scene.hand.palm_half_extents_m) || inside() {
             return Err(Rejection::PalmHitsObject);
         }
-        for finger in FingerId::ALL {
-            let base =
-                object_from_palm_here * scene.hand.palm_from_finger_base(finger, open.thumb_rotation_rad);
-            scene.hand.bead_centers(&open.fingers[finger.index()], &mut scratch.centers);
-            let hit = scene.hand.beads().iter().zip(&scratch.centers).any(|(bead, center)| {
-                scene.surface.nearest(&(base * center)).signed_distance_m <= bead.radius_m
-            });
-            if hit {
-                return Err(Rejection::FingerHitsObject);
+    }
+    for finger in FingerId::ALL {
+        let base = site.object_from_palm * scene.hand.palm_from_finger_base(finger, open.thumb_rotation_rad);
+        scene.hand.bead_centers(&open.fingers[finger.index()], &mut scratch.centers);
+        for (bead, center) in scene.hand.beads().iter().zip(&scratch.centers) {
+            // Sphere tracing: the bead may move back by its own clearance before it needs another look.
+            let start = base * center;
+            let mut back_m = 0.0;
+            while back_m <= scene.approach_m {
+                let clearance_m =
+                    scene.surface.nearest(&(start + back * back_m)).signed_distance_m - bead.radius_m;
+                if clearance_m <= 0.0 {
+                    return Err(Rejection::FingerHitsObject);
+                }
+                back_m += clearance_m.max(TRACE_STEP_MIN_M);
             }
         }
     }

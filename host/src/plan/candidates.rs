@@ -36,6 +36,8 @@ pub struct Candidate {
     pub fingers_rad: [f64; 2],
     /// Flexion and middle angle of the thumb in the preshape, rad.
     pub thumb_rad: [f64; 2],
+    /// Whether the tips close towards one point, as on a ball or a rim, or in parallel, as on a bar.
+    pub radial: bool,
     /// Contact model.
     pub contact: ContactKind,
 }
@@ -81,29 +83,31 @@ impl Candidate {
 pub fn typical() -> [Candidate; 8] {
     use ContactKind::{Hard, Soft};
     // name, fingers (thumb, index, middle, ring), thumb rotation, spread (index, middle, ring), fingers, thumb
-    let row = |name, uses, rotation: f64, spread: [f64; 3], fingers: [f64; 2], thumb: [f64; 2], contact| {
-        let [index, middle, ring] = spread.map(f64::to_radians);
-        Candidate {
-            name,
-            uses,
-            thumb_rotation_rad: rotation.to_radians(),
-            abduction_rad: [0.0, index, middle, ring],
-            fingers_rad: fingers.map(f64::to_radians),
-            thumb_rad: thumb.map(f64::to_radians),
-            contact,
-        }
-    };
+    let row =
+        |name, uses, rotation: f64, spread: [f64; 3], fingers: [f64; 2], thumb: [f64; 2], radial, contact| {
+            let [index, middle, ring] = spread.map(f64::to_radians);
+            Candidate {
+                name,
+                uses,
+                thumb_rotation_rad: rotation.to_radians(),
+                abduction_rad: [0.0, index, middle, ring],
+                fingers_rad: fingers.map(f64::to_radians),
+                thumb_rad: thumb.map(f64::to_radians),
+                radial,
+                contact,
+            }
+        };
     let (timr, tim, tir) = ([true; 4], [true, true, true, false], [true, true, false, true]);
     let (ti, tm) = ([true, true, false, false], [true, false, true, false]);
     [
-        row("quadpod", timr, 90.0, [-10.0, 0.0, 10.0], [25.0, 30.0], [15.0, 20.0], Hard),
-        row("disk-rim", timr, 90.0, [-15.0, 0.0, 15.0], [20.0, 15.0], [10.0, 15.0], Hard),
-        row("prismatic-4", timr, 90.0, [2.0, 0.0, -2.0], [30.0, 30.0], [15.0, 20.0], Hard),
-        row("tripod", tim, 90.0, [-5.0, 5.0, 0.0], [35.0, 30.0], [20.0, 25.0], Hard),
-        row("prismatic-3", tim, 90.0, [2.0, 0.0, 0.0], [35.0, 30.0], [20.0, 25.0], Hard),
-        row("wide-triangle", tir, 90.0, [-12.0, 0.0, 12.0], [25.0, 30.0], [15.0, 20.0], Hard),
-        row("palmar-pinch", ti, 75.0, [0.0, 0.0, 0.0], [40.0, 35.0], [25.0, 30.0], Soft),
-        row("nip", tm, 90.0, [0.0, 0.0, 0.0], [50.0, 40.0], [35.0, 40.0], Soft),
+        row("quadpod", timr, 90.0, [-10.0, 0.0, 10.0], [25.0, 30.0], [15.0, 20.0], true, Hard),
+        row("disk-rim", timr, 90.0, [-15.0, 0.0, 15.0], [20.0, 15.0], [10.0, 15.0], true, Hard),
+        row("prismatic-4", timr, 90.0, [2.0, 0.0, -2.0], [30.0, 30.0], [15.0, 20.0], false, Hard),
+        row("tripod", tim, 90.0, [-5.0, 5.0, 0.0], [35.0, 30.0], [20.0, 25.0], true, Hard),
+        row("prismatic-3", tim, 90.0, [2.0, 0.0, 0.0], [35.0, 30.0], [20.0, 25.0], false, Hard),
+        row("wide-triangle", tir, 90.0, [-12.0, 0.0, 12.0], [25.0, 30.0], [15.0, 20.0], true, Hard),
+        row("palmar-pinch", ti, 75.0, [0.0, 0.0, 0.0], [40.0, 35.0], [25.0, 30.0], false, Soft),
+        row("nip", tm, 90.0, [0.0, 0.0, 0.0], [50.0, 40.0], [35.0, 40.0], false, Soft),
     ]
 }
 

@@ -2,10 +2,9 @@
 
 use hand_model::FingerAngles;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
-use protocol::ids::FingerId;
 
-use super::candidates::Candidate;
 use super::hand_body::{HandBody, Link};
+use super::preshape::FingerPath;
 use super::surface_query::SurfaceQuery;
 
 /// Distance at which a bead counts as touching, metres: a tenth of the scanner's noise.
@@ -29,8 +28,8 @@ pub enum Closing {
 /// First touch of a finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
-    /// Closing fraction of [`Candidate::finger_at`].
-    pub s: f64,
+    /// Place on the [`FingerPath`].
+    pub u: f64,
     /// The finger's angles there.
     pub angles: FingerAngles<f64>,
     /// The link that touches.
@@ -52,35 +51,35 @@ pub struct ClosingScratch {
     bounds: Vec<f64>,
 }
 
-/// Closes `finger` from its open posture along the candidate's line until a bead touches the surface.
+/// Closes a finger along its path until a bead touches the surface.
 pub fn close_finger(
     surface: &SurfaceQuery,
     hand: &HandBody,
     object_from_base: &Isometry3<f64>,
-    candidate: &Candidate,
-    finger: FingerId,
+    path: &FingerPath,
     scratch: &mut ClosingScratch,
 ) -> Closing {
-    let limit = hand.flexion_limit_rad();
-    let rate = candidate.closing_rate_rad(finger);
-    let open = candidate.finger_at(finger, 0.0, limit);
-    // Closing fraction at which both joints have reached their limits.
-    let s_end = [(open.flexion_rad, rate[0], limit[0]), (open.middle_rad, rate[1], limit[1])]
-        .into_iter()
-        .filter(|&(_, rate, _)| rate > 0.0)
-        .map(|(from, rate, to)| (to - from) / rate)
-        .fold(0.0, f64::max);
-    // No bead moves faster than this per unit of s: flexion carries it by its distance from the base, the coupled
-    // middle and distal joints by at most twice the length beyond the middle joint.
+    // No bead moves faster than this per unit of u: abduction and flexion carry it by its distance from the base, the
+    // coupled middle and distal joints by at most the length beyond the middle joint, the distal part twice.
     let beyond_middle_m = hand.model.finger.l2_m + 2.0 * hand.model.finger.l3_m;
-    let speed_m = rate[0].abs() * hand.reach_m() + rate[1].abs() * beyond_middle_m;
+    let [abduction, flexion, middle] = path.rate_rad.map(f64::abs);
+    let speed_m = abduction.hypot(flexion) * hand.reach_m() + middle * beyond_middle_m;
+    if speed_m <= 0.0 {
+        return Closing::Misses;
+    }
 
     let ClosingScratch { centers, bounds } = scratch;
+    hand.bead_centers(&path.at(path.u_begin), centers);
     bounds.clear();
-    bounds.resize(hand.beads().len(), 0.0);
-    let mut s = 0.0;
+    bounds.extend(
+        hand.beads()
+            .iter()
+            .zip(centers.iter())
+            .map(|(bead, center)| surface.distance_bound_m(&(object_from_base * center)) - bead.radius_m),
+    );
+    let mut u = path.u_begin;
     for step in 0..MAX_STEPS {
-        let angles = candidate.finger_at(finger, s, limit);
+        let angles = path.at(u);
         hand.bead_centers(&angles, centers);
         let mut gap = f64::INFINITY;
         for ((bead, center), bound) in hand.beads().iter().zip(centers.iter()).zip(bounds.iter_mut()) {
@@ -98,7 +97,7 @@ pub fn close_finger(
                         * hand_model::pad_normal(&hand_model::FingerTrig::new(&angles, f64::sin_cos));
                     let inward_normal_in_object = Unit::new_normalize(push);
                     return Closing::Touches(Touch {
-                        s,
+                        u,
                         angles,
                         link: bead.link,
                         point_in_object: nearest.point_in_object,
@@ -109,12 +108,12 @@ pub fn close_finger(
             }
             gap = gap.min(*bound);
         }
-        if s >= s_end {
+        if u >= path.u_end {
             return Closing::Misses;
         }
         // Half the touch distance more than is proven free, so that the last step lands inside the touch band.
         let advance = (gap / speed_m).max(0.5 * TOUCH_M / speed_m);
-        s = (s + advance).min(s_end);
+        u = (u + advance).min(path.u_end);
         bounds.iter_mut().for_each(|bound| *bound -= advance * speed_m);
     }
     Closing::Misses

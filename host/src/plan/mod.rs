@@ -11,6 +11,7 @@ pub mod closing;
 pub mod document;
 pub mod hand_body;
 pub mod paper;
+pub mod preshape;
 pub mod scene;
 pub mod search;
 pub mod settle;

@@ -177,5 +177,6 @@ pub fn perturbed(
     Site {
         object_from_palm: motion * site.object_from_palm,
         direction_in_object: Unit::new_normalize(turn * site.direction_in_object.into_inner()),
+        preshape: site.preshape.clone(),
     }
 }

@@ -28,6 +28,9 @@ pub struct Nearest {
 /// A mesh with a bounding-volume tree, for many nearest-point queries from many threads.
 pub struct SurfaceQuery {
     trimesh: TriMesh,
+    /// A sphere about the whole surface.
+    center_in_object: Point3<f64>,
+    radius_m: f64,
 }
 
 impl SurfaceQuery {
@@ -37,7 +40,20 @@ impl SurfaceQuery {
         // ORIENTED computes the pseudo-normals that make the inside test right at edges and corners
         // (Baerentzen and Aanaes, DOI 10.1109/TVCG.2005.49); it asks nothing of the topology.
         let flags = TriMeshFlags::ORIENTED | TriMeshFlags::MERGE_DUPLICATE_VERTICES;
-        Ok(Self { trimesh: TriMesh::with_flags(vertices, mesh.faces().to_vec(), flags)? })
+        let (low, high) = mesh.bounding_box();
+        let center_in_object = nalgebra::center(&low, &high);
+        let radius_m = mesh.vertices().iter().map(|p| (p - center_in_object).norm()).fold(0.0, f64::max);
+        Ok(Self {
+            trimesh: TriMesh::with_flags(vertices, mesh.faces().to_vec(), flags)?,
+            center_in_object,
+            radius_m,
+        })
+    }
+
+    /// Lower bound of the distance to the surface, metres, for the price of a subtraction; not positive near it.
+    #[must_use]
+    pub fn distance_bound_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        (point_in_object - self.center_in_object).norm() - self.radius_m
     }
 
     /// The nearest point of the surface to `point_in_object`.

@@ -49,8 +49,48 @@ fn query_speed() {
         for i in 0..20000 {
             let a = f64::from(i) * 0.37;
             let r = 0.05 + 0.03 * (f64::from(i) * 0.11).sin();
-            sum += scene.surface.nearest(&Point3::new(r * a.cos(), r * a.sin(), 0.03 * (f64::from(i) * 0.07).sin() + 0.02)).signed_distance_m;
+            sum += scene
+                .surface
+                .nearest(&Point3::new(r * a.cos(), r * a.sin(), 0.03 * (f64::from(i) * 0.07).sin() + 0.02))
+                .signed_distance_m;
         }
-        println!("paper {} {} tris {:?} per query {sum}", object.name(), scene.mesh.faces().len(), t.elapsed() / 20000);
+        println!(
+            "paper {} {} tris {:?} per query {sum}",
+            object.name(),
+            scene.mesh.faces().len(),
+            t.elapsed() / 20000
+        );
+    }
+}
+
+#[test]
+fn lid_detail() {
+    use super::attempt::{AttemptScratch, attempt, close_hand};
+    use super::settle::{Approach, settle};
+    let scene = scene(BuiltIn::TeacupCover);
+    let mut scratch = AttemptScratch::default();
+    for (i, c) in super::candidates::typical().iter().enumerate() {
+        let ap = Approach {
+            direction_in_object: nalgebra::Unit::new_normalize(-Vector3::z()),
+            opposition_in_object: Vector3::x(),
+        };
+        let site = settle(&scene, c, &ap, &scene.center_of_mass, &mut scratch);
+        let closed = close_hand(&scene, &site, &mut scratch);
+        println!(
+            "paper {} {:?}",
+            c.name,
+            attempt(&scene, i, c, &site, &mut scratch).map(|g| g.quality.epsilon_low)
+        );
+        for (f, t) in closed.touches() {
+            println!(
+                "paper    {} s {:.3} {:?} p {:.1?} n {:.2?} pad {:.2}",
+                f.name(),
+                t.u,
+                t.link,
+                (t.point_in_object.coords * 1e3).as_slice(),
+                t.inward_normal_in_object.as_slice(),
+                t.pad_cosine
+            );
+        }
     }
 }
