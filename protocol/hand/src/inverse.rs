@@ -103,7 +103,7 @@ pub fn inverse_trig<T: RealField + Copy>(
             inner_reach_m: inner_reach_2.max(T::zero()).sqrt(),
         });
     }
-    let from_axis = tip_in_base.x.hypot(tip_in_base.y);
+    let from_axis = tip_in_base.coords.xy().norm();
     if from_axis <= rounding * reach_m {
         return TipInverse::Unreachable(NoPose::OnAbductionAxis);
     }

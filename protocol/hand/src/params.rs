@@ -55,7 +55,8 @@ pub const THUMB_AXIS_IN_PALM_M: [f64; 3] = [-0.003, 0.0271, 0.0];
 pub const THUMB_BASE_AT_ZERO_IN_PALM_M: [f64; 3] = [-0.009, 0.114, 0.097];
 /// Angle of the stretched thumb to palm z, radians. Published: Kautham's model 35, Move3D's 35.2 degrees.
 pub const THUMB_TILT_RAD: f64 = 35.0 * DEG;
-/// Centre of grasps in the palm frame, metres. Published: Move3D's grasp frame, less its wrist offset of millimetres.
+/// Centre of grasps in the palm frame, metres. Published: Move3D's grasp frame, taken over as it is; the origin of its
+/// wrist lies about 10 mm from this one's, less than such a centre means.
 pub const GRASP_CENTRE_IN_PALM_M: [f64; 3] = [0.08, 0.02, 0.23];
 
 /// Torque that a finger's actuators give, newton metres: abduction, flexion, middle and distal joint together.
