@@ -36,8 +36,10 @@ pub struct Candidate {
     pub fingers_rad: [f64; 2],
     /// Flexion and middle angle of the thumb in the preshape, rad.
     pub thumb_rad: [f64; 2],
-    /// Whether the tips close towards one point, as on a ball or a rim, or in parallel, as on a bar.
-    pub radial: bool,
+    /// For hands that close towards one point, as on a ball or a rim: where the tips are to stand around it, as angles
+    /// from the thumb's direction towards the index's side, rad, by finger. The fingers spread as near to these as
+    /// their abduction lets them. `None` for hands that close in parallel, as on a bar.
+    pub around_rad: Option<[f64; 4]>,
     /// Contact model.
     pub contact: ContactKind,
 }
@@ -93,21 +95,21 @@ pub fn typical() -> [Candidate; 8] {
                 abduction_rad: [0.0, index, middle, ring],
                 fingers_rad: fingers.map(f64::to_radians),
                 thumb_rad: thumb.map(f64::to_radians),
-                radial,
+                around_rad: around.map(|a| [0.0, a[0].to_radians(), a[1].to_radians(), a[2].to_radians()]),
                 contact,
             }
         };
     let (timr, tim, tir) = ([true; 4], [true, true, true, false], [true, true, false, true]);
     let (ti, tm) = ([true, true, false, false], [true, false, true, false]);
     [
-        row("quadpod", timr, 90.0, [-10.0, 0.0, 10.0], [25.0, 30.0], [15.0, 20.0], true, Hard),
-        row("disk-rim", timr, 90.0, [-15.0, 0.0, 15.0], [20.0, 15.0], [10.0, 15.0], true, Hard),
-        row("prismatic-4", timr, 90.0, [2.0, 0.0, -2.0], [30.0, 30.0], [15.0, 20.0], false, Hard),
-        row("tripod", tim, 90.0, [-5.0, 5.0, 0.0], [35.0, 30.0], [20.0, 25.0], true, Hard),
-        row("prismatic-3", tim, 90.0, [2.0, 0.0, 0.0], [35.0, 30.0], [20.0, 25.0], false, Hard),
-        row("wide-triangle", tir, 90.0, [-12.0, 0.0, 12.0], [25.0, 30.0], [15.0, 20.0], true, Hard),
-        row("palmar-pinch", ti, 75.0, [0.0, 0.0, 0.0], [40.0, 35.0], [25.0, 30.0], false, Soft),
-        row("nip", tm, 90.0, [0.0, 0.0, 0.0], [50.0, 40.0], [35.0, 40.0], false, Soft),
+        row("quadpod", timr, 90.0, [-10.0, 0.0, 10.0], [25.0, 30.0], [15.0, 20.0], Some([110.0, 180.0, -110.0]), Hard),
+        row("disk-rim", timr, 90.0, [-15.0, 0.0, 15.0], [20.0, 15.0], [10.0, 15.0], Some([120.0, 180.0, -120.0]), Hard),
+        row("prismatic-4", timr, 90.0, [2.0, 0.0, -2.0], [30.0, 30.0], [15.0, 20.0], None, Hard),
+        row("tripod", tim, 90.0, [-5.0, 5.0, 0.0], [35.0, 30.0], [20.0, 25.0], Some([120.0, -120.0, 0.0]), Hard),
+        row("prismatic-3", tim, 90.0, [2.0, 0.0, 0.0], [35.0, 30.0], [20.0, 25.0], None, Hard),
+        row("wide-triangle", tir, 90.0, [-12.0, 0.0, 12.0], [25.0, 30.0], [15.0, 20.0], Some([120.0, 0.0, -120.0]), Hard),
+        row("palmar-pinch", ti, 75.0, [0.0, 0.0, 0.0], [40.0, 35.0], [25.0, 30.0], None, Soft),
+        row("nip", tm, 90.0, [0.0, 0.0, 0.0], [50.0, 40.0], [35.0, 40.0], None, Soft),
     ]
 }
 

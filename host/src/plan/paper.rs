@@ -34,11 +34,11 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
         // All candidates in one approach before the next approach: the eight come first, as in the paper.
         let proposals: Vec<Proposal> = stage
             .iter()
-            .flat_map(|approach| (0..candidates.len()).map(move |candidate| (candidate, approach)))
-            .map(|(candidate, approach)| Proposal::Settle {
+            .flat_map(|(approach, target)| (0..candidates.len()).map(move |c| (c, approach, target)))
+            .map(|(candidate, approach, target)| Proposal::Settle {
                 candidate,
                 approach: *approach,
-                target_in_object: geometric_center(scene),
+                target_in_object: *target,
             })
             .collect();
         for batch in proposals.chunks(BATCH) {
@@ -100,23 +100,29 @@ pub fn geometric_center(scene: &Scene) -> Point3<f64> {
     scene.center_of_mass
 }
 
-/// Approaches in the order in which they are tried, in stages: each stage is tried whole.
-fn initial_approaches(scene: &Scene) -> Vec<Vec<Approach>> {
+/// Approaches with the points that the contacts are to lie around, in the order in which they are tried, in stages: each
+/// stage is tried whole. Straight down about the centre and, since what stands on a table is often widest at its foot,
+/// as deep as the table lets the fingers go; then leaning by 45 and by 80 degrees.
+fn initial_approaches(scene: &Scene) -> Vec<Vec<(Approach, Point3<f64>)>> {
     let down = scene.base_from_object.inverse_transform_vector(&-Vector3::z());
-    let mut stages = vec![oppositions(scene, &down, 4)];
-    let leaning = |lean_rad: f64| -> Vec<Approach> {
-        oppositions(scene, &down, 4)
+    let center = geometric_center(scene);
+    let depth_m = scene.mesh.vertices().iter().map(|p| (p - center).dot(&down)).fold(0.0, f64::max);
+    let at = |target: Point3<f64>| move |approach: Approach| (approach, target);
+    let from_above = oppositions(scene, &down, 4);
+    let shallow = from_above.iter().copied().map(at(center));
+    let deep = from_above.iter().copied().map(at(center + down * depth_m));
+    let leaning = |lean_rad: f64| {
+        from_above
             .iter()
             .flat_map(|approach| {
                 let axis = Unit::new_normalize(approach.opposition_in_object);
                 let turn = UnitQuaternion::from_axis_angle(&axis, lean_rad);
                 oppositions(scene, &(turn * down), 1)
             })
+            .map(at(center))
             .collect()
     };
-    stages.push(leaning(45f64.to_radians()));
-    stages.push(leaning(80f64.to_radians()));
-    stages
+    vec![shallow.chain(deep).collect(), leaning(45f64.to_radians()), leaning(80f64.to_radians())]
 }
 
 /// `count` approaches in one direction, the opposition turned in equal steps from the object's thinnest extent across

@@ -91,8 +91,9 @@ pub fn settle(
         let (mut step, mut wider_m) = (Vector3::zeros(), 0.0);
         match (thumb.as_ref().is_some_and(inside), others.iter().any(inside)) {
             (true, true) => wider_m = 2.0 * MAX_STEP_M,
-            (true, false) => step.x = MAX_STEP_M,
-            (false, true) => step.x = -MAX_STEP_M,
+            // Open on the side that is inside: half by moving, half by widening.
+            (true, false) => (step.x, wider_m) = (0.5 * MAX_STEP_M, MAX_STEP_M),
+            (false, true) => (step.x, wider_m) = (-0.5 * MAX_STEP_M, MAX_STEP_M),
             (false, false) => match (thumb.as_ref().and_then(place_on_path), others_u) {
                 (Some(thumb_u), Some(others_u)) => {
                     step.x = 0.5 * (others_u - thumb_u) * PATH_M;

@@ -74,8 +74,31 @@ fn lid_detail() {
             direction_in_object: nalgebra::Unit::new_normalize(-Vector3::z()),
             opposition_in_object: Vector3::x(),
         };
-        let site = settle(&scene, c, &ap, &scene.center_of_mass, &mut scratch);
+        let site = settle(&scene, c, &ap, &(scene.center_of_mass - Vector3::z() * 0.02), &mut scratch);
         let closed = close_hand(&scene, &site, &mut scratch);
+        for f in protocol::ids::FingerId::ALL {
+            if let Some(path) = site.preshape.paths[f.index()] {
+                let base = scene.base_from_object
+                    * site.object_from_palm
+                    * scene.hand.palm_from_finger_base(f, site.preshape.thumb_rotation_rad);
+                let mut c = Vec::new();
+                scene.hand.bead_centers(&path.at(1.0), &mut c);
+                let z: Vec<String> = c
+                    .iter()
+                    .zip(scene.hand.beads())
+                    .map(|(c, b)| format!("{:?} {:.0}", b.link, ((base * c).z - b.radius_m) * 1e3))
+                    .collect();
+                println!(
+                    "paper    beads {} begin {:.2} end {:.2} {:.2?} rate {:.2?} {}",
+                    f.name(),
+                    path.u_begin,
+                    path.u_end,
+                    path.at(1.0).to_array(),
+                    path.rate_rad,
+                    z.join(" ")
+                );
+            }
+        }
         println!(
             "paper {} {:?}",
             c.name,
