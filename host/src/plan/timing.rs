@@ -18,6 +18,9 @@ use super::{
 };
 use path::{Interval, intervals};
 
+/// Sixteen turns. The number of grid points grows with the angle, so nonsense must not get that far.
+const GREATEST_ANGLE_RAD: f64 = 100.0;
+
 /// Accelerations that differ by less, relatively, differ by rounding.
 const SAME_ACCELERATION: f64 = 1e-9;
 
@@ -62,9 +65,17 @@ pub enum TimingError {
     /// There is no point at all.
     #[error("a path needs at least one point")]
     Empty,
-    /// A joint angle, or the position of the watched point, is NaN or infinite.
-    #[error("point {point} of the path contains a value that is not a finite number")]
-    NotFinite {
+    /// A joint angle is NaN, infinite, or more turns away from zero than any joint can make.
+    #[error("point {point} of the path has a joint angle of {angle_rad} rad")]
+    Angle {
+        /// Index of the path point.
+        point: usize,
+        /// The angle.
+        angle_rad: f64,
+    },
+    /// The position of the watched point is NaN or infinite.
+    #[error("the position of the watched point is not a finite number at point {point} of the path")]
+    Position {
         /// Index of the path point at or just before the place.
         point: usize,
     },
@@ -129,7 +140,7 @@ pub fn time_path(
     // The cubic between two knots is not quite the exact motion where the path bends; what it exceeds is given back.
     let trajectory = JointTrajectory::new(knots)?;
     let excess = excess(&trajectory, limits);
-    Ok(if excess > 1.0 { trajectory.slowed(excess) } else { trajectory })
+    Ok(if excess > 1.0 { trajectory.slowed(excess)? } else { trajectory })
 }
 
 fn check(
@@ -141,8 +152,10 @@ fn check(
     if path.is_empty() {
         return Err(TimingError::Empty);
     }
-    if let Some(point) = path.iter().position(|q| !q.iter().all(|v| v.is_finite())) {
-        return Err(TimingError::NotFinite { point });
+    for (point, q_rad) in path.iter().enumerate() {
+        if let Some(&angle_rad) = q_rad.iter().find(|q| q.is_nan() || q.abs() > GREATEST_ANGLE_RAD) {
+            return Err(TimingError::Angle { point, angle_rad });
+        }
     }
     let positive = (limits.speed_rad_per_s.iter().map(|&v| ("speed", v)))
         .chain(limits.acceleration_rad_per_s2.iter().map(|&v| ("acceleration", v)))
@@ -168,7 +181,7 @@ fn greatest_squared_speeds(
         if let Some(PointSpeed { point, limit_m_per_s }) = point_speed {
             let chord_m = (point(&interval.end()) - point(&interval.q)).norm();
             if !chord_m.is_finite() {
-                return Err(TimingError::NotFinite { point: interval.path_point });
+                return Err(TimingError::Position { point: interval.path_point });
             }
             most = most.min((limit_m_per_s * interval.length / chord_m).powi(2));
         }

@@ -58,6 +58,9 @@ pub enum TrajectoryError {
         /// Its time.
         t_s: f64,
     },
+    /// A motion can only be slowed by a factor greater than zero.
+    #[error("a motion cannot be slowed by the factor {0}")]
+    Factor(f64),
 }
 
 /// A motion of six joints: cubic Hermite pieces between knots, so that angle and speed are continuous and the
@@ -154,15 +157,18 @@ impl JointTrajectory {
         peaks
     }
 
-    /// The same path, `factor` (> 0) times as slow: speeds fall by the factor, accelerations by its square.
-    #[must_use]
-    pub fn slowed(&self, factor: f64) -> Self {
+    /// The same path, `factor` times as slow: speeds fall by the factor, accelerations by its square. An error when the
+    /// factor is not greater than zero, or when the times or speeds leave the range of numbers.
+    pub fn slowed(&self, factor: f64) -> Result<Self, TrajectoryError> {
         let slow = |knot: &Knot| Knot {
             t_s: knot.t_s * factor,
             q_rad: knot.q_rad,
             qd_rad_per_s: knot.qd_rad_per_s.map(|speed| speed / factor),
         };
-        Self { knots: self.knots.iter().map(slow).collect() }
+        if factor.is_nan() || factor <= 0.0 {
+            return Err(TrajectoryError::Factor(factor));
+        }
+        Self::new(self.knots.iter().map(slow).collect())
     }
 }
 
@@ -251,9 +257,11 @@ mod tests {
 
     #[test]
     fn slowed_motion_has_scaled_peaks() {
-        let (fast, slow) = (cubic().peaks(), cubic().slowed(2.0).peaks());
+        let (fast, slow) = (cubic().peaks(), cubic().slowed(2.0).unwrap().peaks());
         assert!((slow.speed_rad_per_s[0] - fast.speed_rad_per_s[0] / 2.0).abs() < 1e-12);
         assert!((slow.acceleration_rad_per_s2[0] - fast.acceleration_rad_per_s2[0] / 4.0).abs() < 1e-12);
+        assert_eq!(cubic().slowed(-1.0), Err(TrajectoryError::Factor(-1.0)));
+        assert!(cubic().slowed(f64::NAN).is_err() && cubic().slowed(f64::INFINITY).is_err());
     }
 
     #[test]

@@ -134,17 +134,32 @@ fn tiny_and_empty_motions_are_no_special_case() {
 }
 
 #[test]
+fn extreme_limits_end_in_a_motion_or_an_error_but_never_in_a_panic() {
+    let path = [[0.0; 6], [1.0; 6], [0.5; 6]];
+    for limit in [1e-300, 1e-9, 1e9, 1e300] {
+        let limits = MotionLimits { speed_rad_per_s: [limit; 6], acceleration_rad_per_s2: [limit; 6] };
+        for corner_rad in [1e-300, 1e-9, 1e9] {
+            if let Ok(trajectory) = time_path(&path, &limits, corner_rad, None) {
+                assert!(trajectory.duration_s() > 0.0 && trajectory.duration_s().is_finite());
+            }
+        }
+    }
+}
+
+#[test]
 fn bad_input_is_named() {
     let limits = reduced();
     let path = [[0.0; 6], [1.0; 6]];
     assert_eq!(time_path(&[], &limits, 0.01, None), Err(TimingError::Empty));
-    let nan = [[0.0; 6], [f64::NAN; 6]];
-    assert_eq!(time_path(&nan, &limits, 0.01, None), Err(TimingError::NotFinite { point: 1 }));
+    for bad in [f64::NAN, f64::INFINITY, -101.0] {
+        let error = time_path(&[[0.0; 6], [0.0, 0.0, bad, 0.0, 0.0, 0.0]], &limits, 0.01, None).unwrap_err();
+        assert!(error.to_string().starts_with("point 1 of the path has a joint angle of "), "{error}");
+    }
     let corner = Err(TimingError::Limit { name: "corner", value: 0.0 });
     assert_eq!(time_path(&path, &limits, 0.0, None), corner);
     let stuck = MotionLimits { speed_rad_per_s: [0.0; 6], ..limits };
     assert_eq!(time_path(&path, &stuck, 0.01, None), Err(TimingError::Limit { name: "speed", value: 0.0 }));
     let nowhere = |_: &Joints| Point3::new(f64::NAN, 0.0, 0.0);
     let cap = Some(PointSpeed { point: &nowhere, limit_m_per_s: 0.1 });
-    assert_eq!(time_path(&path, &limits, 0.01, cap), Err(TimingError::NotFinite { point: 0 }));
+    assert_eq!(time_path(&path, &limits, 0.01, cap), Err(TimingError::Position { point: 0 }));
 }
