@@ -13,6 +13,7 @@ mod collision;
 mod forward;
 mod inverse;
 mod limits;
+mod line;
 mod load;
 mod params;
 #[cfg(test)]
@@ -24,6 +25,7 @@ use thiserror::Error;
 pub use collision::LinkCapsule;
 pub use inverse::{Branch, Elbow, Inverse, Shoulder, Solution, Solutions, Wrist};
 pub use limits::{JointLimits, LimitCheck};
+pub use line::{LineBlock, LineOutcome};
 pub use load::{LoadCheck, LoadMode, LoadQuantity, LoadRating, Payload};
 pub use params::{ArmParams, OpwGeometry};
 

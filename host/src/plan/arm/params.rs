@@ -54,8 +54,8 @@ pub struct ArmParams {
     pub capsules: Vec<LinkCapsule>,
 }
 
-/// Time in which the RX60 is taken to reach full speed. The manual gives no accelerations; 0.3 s keeps the hand below
-/// 10 m/s^2 on axes 1 to 3 and is an assumption.
+/// Time in which the RX60 is taken to reach full speed. The manual gives no accelerations, so this is an assumption: with
+/// 0.3 s axis 1 speeds up the wrist of the stretched arm (0.6 m) by 10 m/s^2.
 const RX60_RUN_UP_S: f64 = 0.3;
 
 /// Thickness of the plate between the flange (ISO 9409-1-A31.5) and the hand's wrist plane. An assumption: another

@@ -285,3 +285,26 @@ fn rx60_passes_its_own_check_and_bad_parameters_do_not() {
     assert_eq!(broken(|p| p.geometry.sign[2] = 0.5), ArmError::Sign { axis: 3, value: 0.5 });
     assert!(matches!(broken(|p| p.limits.lower_rad[5] = 9.0), ArmError::Limits { axis: 6, .. }));
 }
+
+#[test]
+fn bodies_lie_along_their_links() {
+    let arm = Arm::rx60();
+    let mut rng = ChaCha8Rng::seed_from_u64(6);
+    let frames = arm.link_frames(&random_joints(&mut rng, arm.limits()));
+    let placed = |link: usize| {
+        let capsule = arm.link_capsules().iter().find(|c| c.link == link).unwrap();
+        [capsule.from, capsule.to].map(|p| (frames[link - 1] * p).coords)
+    };
+    let [axis2, elbow, wrist, flange] = [1, 2, 3, 5].map(|i| frames[i].translation.vector);
+    let [from, to] = placed(2);
+    assert!(((to - from) - (frames[1].rotation * Vector3::z() * 0.290)).norm() < 1e-12);
+    assert!(((from - axis2).norm() - 0.15225).abs() < 1e-12);
+    let [from, to] = placed(3);
+    assert!((from - elbow).norm() < 1e-12 && (to - from).cross(&(wrist - elbow)).norm() < 1e-12);
+    // The last one ends flush with the flange.
+    let [from, to] = placed(5);
+    assert!((from - wrist).norm() < 1e-12 && ((flange - to).norm() - 0.035).abs() < 1e-12);
+    assert!(
+        arm.link_capsules().is_sorted_by_key(|c| c.link) && arm.link_capsules().iter().all(|c| c.link <= 6)
+    );
+}
