@@ -12,9 +12,12 @@ use super::scene::{Scene, TABLE_CLEARANCE_M};
 use super::settle::Site;
 use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate};
 
-/// Least cosine between a finger's push and its pad's normal: contacts further than 75 degrees round the finger are
-/// not carried by its rubber pad.
+/// Least cosine between a finger's push and its pad's normal, for the distal link, whose rubber covers the pad only: 75
+/// degrees round the finger.
 const PAD_COSINE_MIN: f64 = 0.26;
+
+/// The same for the tip, whose rubber is a cap: its front half.
+const TIP_COSINE_MIN: f64 = 0.0;
 
 /// How far the tips stand off their contacts before they close, metres, widest first: room for errors of scan, arm and
 /// calibration, as much as object, table and joint limits leave.
@@ -180,7 +183,12 @@ pub fn attempt(
             Some(Closing::StartsInside) => return Err(Rejection::FingerHitsObject),
         }
     }
-    if closed.touches().any(|(_, touch)| touch.link < Link::Distal || touch.pad_cosine < PAD_COSINE_MIN) {
+    let on_rubber = |touch: &Touch| match touch.link {
+        Link::Tip => touch.pad_cosine >= TIP_COSINE_MIN,
+        Link::Distal => touch.pad_cosine >= PAD_COSINE_MIN,
+        Link::Proximal | Link::Middle => false,
+    };
+    if !closed.touches().all(|(_, touch)| on_rubber(&touch)) {
         return Err(Rejection::NotOnPad);
     }
     let torsional_m = match candidate.contact {

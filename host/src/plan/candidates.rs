@@ -85,29 +85,72 @@ impl Candidate {
 pub fn typical() -> [Candidate; 8] {
     use ContactKind::{Hard, Soft};
     // name, fingers (thumb, index, middle, ring), thumb rotation, spread (index, middle, ring), fingers, thumb
-    let row =
-        |name, uses, rotation: f64, spread: [f64; 3], fingers: [f64; 2], thumb: [f64; 2], radial, contact| {
-            let [index, middle, ring] = spread.map(f64::to_radians);
-            Candidate {
-                name,
-                uses,
-                thumb_rotation_rad: rotation.to_radians(),
-                abduction_rad: [0.0, index, middle, ring],
-                fingers_rad: fingers.map(f64::to_radians),
-                thumb_rad: thumb.map(f64::to_radians),
-                around_rad: around.map(|a| [0.0, a[0].to_radians(), a[1].to_radians(), a[2].to_radians()]),
-                contact,
-            }
-        };
+    type Around = Option<[f64; 3]>;
+    let row = |name,
+               uses,
+               rotation: f64,
+               spread: [f64; 3],
+               fingers: [f64; 2],
+               thumb: [f64; 2],
+               around: Around,
+               contact| {
+        let [index, middle, ring] = spread.map(f64::to_radians);
+        Candidate {
+            name,
+            uses,
+            thumb_rotation_rad: rotation.to_radians(),
+            abduction_rad: [0.0, index, middle, ring],
+            fingers_rad: fingers.map(f64::to_radians),
+            thumb_rad: thumb.map(f64::to_radians),
+            around_rad: around.map(|a| [0.0, a[0].to_radians(), a[1].to_radians(), a[2].to_radians()]),
+            contact,
+        }
+    };
     let (timr, tim, tir) = ([true; 4], [true, true, true, false], [true, true, false, true]);
     let (ti, tm) = ([true, true, false, false], [true, false, true, false]);
     [
-        row("quadpod", timr, 90.0, [-10.0, 0.0, 10.0], [25.0, 30.0], [15.0, 20.0], Some([110.0, 180.0, -110.0]), Hard),
-        row("disk-rim", timr, 90.0, [-15.0, 0.0, 15.0], [20.0, 15.0], [10.0, 15.0], Some([120.0, 180.0, -120.0]), Hard),
+        row(
+            "quadpod",
+            timr,
+            90.0,
+            [-10.0, 0.0, 10.0],
+            [25.0, 30.0],
+            [15.0, 20.0],
+            Some([110.0, 180.0, -110.0]),
+            Hard,
+        ),
+        row(
+            "disk-rim",
+            timr,
+            90.0,
+            [-15.0, 0.0, 15.0],
+            [20.0, 15.0],
+            [10.0, 15.0],
+            Some([120.0, 180.0, -120.0]),
+            Hard,
+        ),
         row("prismatic-4", timr, 90.0, [2.0, 0.0, -2.0], [30.0, 30.0], [15.0, 20.0], None, Hard),
-        row("tripod", tim, 90.0, [-5.0, 5.0, 0.0], [35.0, 30.0], [20.0, 25.0], Some([120.0, -120.0, 0.0]), Hard),
+        row(
+            "tripod",
+            tim,
+            90.0,
+            [-5.0, 5.0, 0.0],
+            [35.0, 30.0],
+            [20.0, 25.0],
+            Some([120.0, -120.0, 0.0]),
+            Hard,
+        ),
         row("prismatic-3", tim, 90.0, [2.0, 0.0, 0.0], [35.0, 30.0], [20.0, 25.0], None, Hard),
-        row("wide-triangle", tir, 90.0, [-12.0, 0.0, 12.0], [25.0, 30.0], [15.0, 20.0], Some([120.0, 0.0, -120.0]), Hard),
+        row(
+            "wide-triangle",
+            tir,
+            90.0,
+            [-12.0, 0.0, 12.0],
+            [25.0, 30.0],
+            [15.0, 20.0],
+            Some([120.0, 0.0, -120.0]),
+            Hard,
+        ),
         row("palmar-pinch", ti, 75.0, [0.0, 0.0, 0.0], [40.0, 35.0], [25.0, 30.0], None, Soft),
         row("nip", tm, 90.0, [0.0, 0.0, 0.0], [50.0, 40.0], [35.0, 40.0], None, Soft),
     ]

@@ -48,10 +48,6 @@ impl FingerPath {
         Self { start, rate_rad, u_begin: 0.0, u_end: if u_end.is_finite() { u_end.max(0.0) } else { 0.0 } }
     }
 
-    fn beginning_at(self, u_begin: f64) -> Self {
-        Self { u_begin, ..self }
-    }
-
     /// Angles at u, which is not beyond [`Self::u_end`].
     #[must_use]
     pub fn at(&self, u: f64) -> FingerAngles<f64> {
@@ -79,7 +75,8 @@ impl Preshape {
     pub fn at_fraction(hand: &HandBody, candidate: &Candidate, s: f64) -> Self {
         let (palm_from_grasp, opening_m) = grasp_frame(hand, candidate, s);
         let paths = FingerId::ALL.map(|finger| {
-            candidate.uses[finger.index()].then(|| path(hand, candidate, finger, s, &palm_from_grasp))
+            candidate.uses[finger.index()]
+                .then(|| path(hand, candidate, finger, s, &palm_from_grasp, opening_m))
         });
         Self { palm_from_grasp, opening_m, thumb_rotation_rad: candidate.thumb_rotation_rad, paths }
     }
@@ -104,17 +101,14 @@ fn path(
     finger: FingerId,
     s: f64,
     palm_from_grasp: &Isometry3<f64>,
+    opening_m: f64,
 ) -> FingerPath {
     let limit = hand.flexion_limit_rad();
     let own = candidate.finger_at(finger, s, limit);
     let palm_from_base = hand.palm_from_finger_base(finger, candidate.thumb_rotation_rad);
     let base_from_grasp = palm_from_base.inverse() * palm_from_grasp;
-    let mut in_grasp =
-        base_from_grasp.inverse() * tip(&hand.model.finger, &FingerTrig::new(&own, f64::sin_cos));
-    in_grasp.z = 0.0;
-    let towards =
-        if candidate.radial { -in_grasp.coords } else { Vector3::new(-in_grasp.x.signum(), 0.0, 0.0) };
-    let towards = towards.try_normalize(1e-6).unwrap_or_else(Vector3::x);
+    let natural = base_from_grasp.inverse() * tip(&hand.model.finger, &FingerTrig::new(&own, f64::sin_cos));
+    let radius_m = 0.5 * opening_m;
     let reach = |tip_in_grasp: Point3<f64>| {
         let model = &hand.model;
         let tip_in_base = base_from_grasp * tip_in_grasp;
@@ -123,17 +117,37 @@ fn path(
             _ => None,
         }
     };
-    if let Some(preshape) = reach(in_grasp) {
-        for share in [1.0, 0.5, 0.25] {
-            if let Some(start) = reach(in_grasp - towards * (PATH_M * share)) {
-                // With u = 1 at the preshape still: a shorter path begins later and is as steep per metre.
-                let short = FingerPath::through(hand, start, &preshape);
-                let full_start = short.at(1.0 - 1.0 / share);
-                return FingerPath::through(hand, full_start, &preshape).beginning_at(1.0 - share);
+    // From the wanted place towards the natural one until the joints let the finger stand there.
+    for blend in [1.0, 0.75, 0.5, 0.25, 0.0] {
+        let (place, towards) = match candidate.around_rad {
+            Some(around_rad) => {
+                let natural_rad = natural.y.atan2(natural.x);
+                let turn_rad = blend * wrapped(around_rad[finger.index()] - natural_rad);
+                let (sin, cos) = (natural_rad + turn_rad).sin_cos();
+                let outward = Vector3::new(cos, sin, 0.0);
+                (Point3::from(outward * radius_m), -outward)
             }
+            None => {
+                let side = natural.x.signum();
+                (Point3::new(side * radius_m, natural.y, 0.0), -Vector3::x() * side)
+            }
+        };
+        let Some(preshape) = reach(place) else { continue };
+        for share in [1.0, 0.5, 0.25] {
+            let Some(start) = reach(place - towards * (PATH_M * share)) else { continue };
+            // With u = 1 at the preshape still: a shorter path begins later and is as steep per metre.
+            let short = FingerPath::through(hand, start, &preshape);
+            let full_start = short.at(1.0 - 1.0 / share);
+            return FingerPath { u_begin: 1.0 - share, ..FingerPath::through(hand, full_start, &preshape) };
         }
     }
     FingerPath::through(hand, candidate.finger_at(finger, (s - 0.4).max(0.0), limit), &own)
+}
+
+/// An angle in -pi..=pi.
+fn wrapped(angle_rad: f64) -> f64 {
+    let turns = (angle_rad / std::f64::consts::TAU).round();
+    angle_rad - turns * std::f64::consts::TAU
 }
 
 /// Pose of the grasp frame in the palm frame, and the opening, at closing fraction `s`.
@@ -182,7 +196,7 @@ mod tests {
             assert!((gap_m - width_m).abs() < 1e-4, "{gap_m} for {width_m}");
             for finger in FingerId::ALL {
                 let path = preshape.paths[finger.index()].unwrap();
-                for u in [0.5, 1.0] {
+                for u in [path.u_begin.max(0.75), 1.0] {
                     let in_base = tip(&hand.model.finger, &FingerTrig::new(&path.at(u), f64::sin_cos));
                     let in_palm = hand.palm_from_finger_base(finger, preshape.thumb_rotation_rad) * in_base;
                     let in_grasp = preshape.palm_from_grasp.inverse() * in_palm;
