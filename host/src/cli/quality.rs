@@ -15,12 +15,17 @@ use crate::grasp::{
 /// Longest document, bytes: some hundred times what the most contacts take.
 const MAX_BYTES: u64 = 16 << 20;
 
+const DOCUMENT: &str = r#"Contacts as a JSON document, in metres and newtons; `-` reads standard input:
+{"contacts":[{"point":[x,y,z],"normal":[x,y,z],"friction":f,"torsional_m":m,"max_force_n":n}],
+ "center_of_mass":[x,y,z],"torque_scale_m":r}
+Normals point into the object. Optional: torsional_m (0), max_force_n (1), center_of_mass (centroid of the points),
+torque_scale_m (largest distance of a contact from it)"#;
+
 /// Measure a grasp: force closure or not, and epsilon, the worst disturbance that it withstands
 #[derive(Debug, Clone, Args)]
 pub struct QualityArgs {
-    /// Contacts: {"contacts":[{"point":[x,y,z],"normal":[x,y,z],"friction":f,"torsional_m":m,"max_force_n":n}],
-    /// "center_of_mass":[x,y,z],"torque_scale_m":r}; normals point into the object; - reads standard input
-    #[arg(value_name = "CONTACTS.json")]
+    /// Contacts as a JSON document; `-` reads standard input
+    #[arg(value_name = "CONTACTS.json", long_help = DOCUMENT)]
     pub path: PathBuf,
     /// Edges of the friction pyramids, or `exact` for the circular cone
     #[arg(long, value_name = "N|exact", default_value = "exact", value_parser = cone)]
