@@ -1,8 +1,9 @@
 //! From contacts to the quality of a grasp.
 //!
 //! [`contact`] says where fingers touch, [`friction`] what they may push there, [`wrench`] what that does to the object,
-//! [`quality`] how well it holds.
+//! [`quality`] how well it holds. [`document`] reads and writes them.
 pub mod contact;
+pub mod document;
 mod expand;
 pub mod friction;
 pub mod grip;

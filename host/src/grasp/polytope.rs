@@ -5,9 +5,9 @@ use std::collections::BinaryHeap;
 
 use nalgebra::{Matrix6, Vector6};
 
-/// Facets that one polytope may create, about 40 MB. A grasp takes some hundreds; only bodies as round as a sphere need
-/// more, and they converge too slowly for a larger number to help.
-const MAX_FACETS: usize = 1 << 18;
+/// Facets that one polytope may have at a time, about 80 MB. A common grasp takes some hundreds; one whose wrenches are
+/// as round as those of four fingers around a cube takes 20,000 for three digits and 300,000 for six.
+const MAX_FACETS: usize = 1 << 19;
 
 /// The polytope cannot grow: the point is not above the facet that it was found from, or the next facet has no reliable
 /// plane, or there are too many. What was known about the set stays true.
@@ -28,13 +28,15 @@ struct Facet {
     /// How far the last point that was compared is above the plane, and which point it was.
     height: f64,
     compared: u32,
-    retired: bool,
+    /// Serial number; another facet takes the slot, with another number, once this one is covered.
+    born: u32,
 }
 
 /// The facets wait for their turn by distance from the origin, nearest first; equal ones by age, so that a run repeats.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Waiting {
     low: f64,
+    born: u32,
     facet: u32,
 }
 
@@ -42,7 +44,7 @@ impl Eq for Waiting {}
 
 impl Ord for Waiting {
     fn cmp(&self, other: &Self) -> Ordering {
-        other.low.total_cmp(&self.low).then(other.facet.cmp(&self.facet))
+        other.low.total_cmp(&self.low).then(other.born.cmp(&self.born))
     }
 }
 
@@ -70,15 +72,20 @@ pub(super) struct Nearest {
 /// surface by construction, whatever the rounding; so when all are at a positive distance, a ball with the least of
 /// them is inside, even if the surface were not quite convex.
 ///
-/// All memory is kept from one use to the next.
+/// Slots of covered facets are used again, and all memory is kept from one use to the next.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Polytope {
     points: Vec<Vector6<f64>>,
     facets: Vec<Facet>,
+    /// Slots of facets that were covered.
+    free: Vec<u32>,
+    born: u32,
     waiting: BinaryHeap<Waiting>,
     /// Facets that the new point sees, and the ridges around them: facet and slot of the corner that the ridge lacks.
     visible: Vec<u32>,
     horizon: Vec<(u32, usize)>,
+    /// The new facet on every ridge of the horizon.
+    cone: Vec<u32>,
     /// Heights up to this one are ties.
     tie: f64,
 }
@@ -88,7 +95,10 @@ impl Polytope {
     pub(super) fn start(&mut self, simplex: &[Vector6<f64>; 7], tie: f64) -> Result<(), Stuck> {
         self.points.clear();
         self.facets.clear();
+        self.free.clear();
+        self.born = 0;
         self.waiting.clear();
+        self.cone.clear();
         self.tie = tie;
         self.points.extend_from_slice(simplex);
 
@@ -105,18 +115,19 @@ impl Polytope {
             };
             // Facet k lacks corner k, so across the ridge that also lacks corner j lies facet j.
             let corners = std::array::from_fn(others);
-            self.add_facet(-inward, corners, corners)?;
+            let new = self.add_facet(-inward, corners, corners)?;
+            self.cone.push(new);
         }
-        self.enqueue_from(0, f64::INFINITY);
+        self.enqueue(f64::INFINITY);
         Ok(())
     }
 
     /// Takes out the facet nearest to the origin; `None` when none that was worth queueing is left.
     pub(super) fn pop_nearest(&mut self) -> Option<Nearest> {
         loop {
-            let Waiting { low, facet } = self.waiting.pop()?;
+            let Waiting { low, born, facet } = self.waiting.pop()?;
             let f = &self.facets[facet as usize];
-            if !f.retired {
+            if f.born == born {
                 return Some(Nearest { facet, normal: f.normal, low });
             }
         }
@@ -126,17 +137,17 @@ impl Polytope {
     pub(super) fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
         let apex = self.points.len() as u32;
         self.find_visible(facet, &point, apex)?;
-        if self.facets.len() + self.horizon.len() > MAX_FACETS {
+        if self.facets.len() + self.horizon.len() > MAX_FACETS + self.free.len() {
             return Err(Stuck);
         }
         self.points.push(point);
-        let first = self.facets.len();
         self.build_cone(apex)?;
-        self.join_cone(first)?;
+        self.join_cone()?;
         for &seen in &self.visible {
-            self.facets[seen as usize].retired = true;
+            self.facets[seen as usize].born = u32::MAX;
         }
-        self.enqueue_from(first, worth);
+        self.free.extend_from_slice(&self.visible);
+        self.enqueue(worth);
         Ok(())
     }
 
@@ -176,6 +187,7 @@ impl Polytope {
 
     /// One new facet from every horizon ridge to the apex, joined across the ridge.
     fn build_cone(&mut self, apex: u32) -> Result<(), Stuck> {
+        self.cone.clear();
         for at in 0..self.horizon.len() {
             let (seen, slot) = self.horizon[at];
             let below = &self.facets[seen as usize];
@@ -191,18 +203,19 @@ impl Polytope {
             self.facets[hidden as usize].neighbors[back] = new;
             // The retired facet points into the cone, for `join_cone` to find.
             self.facets[seen as usize].neighbors[slot] = new;
+            self.cone.push(new);
         }
         Ok(())
     }
 
     /// Joins the facets of the cone with each other, by turning around each of a ridge's own ridges through the visible
     /// facets until the horizon is met again.
-    fn join_cone(&mut self, first: usize) -> Result<(), Stuck> {
+    fn join_cone(&mut self) -> Result<(), Stuck> {
         for at in 0..self.horizon.len() {
             let (seen, slot) = self.horizon[at];
             for other in (0..6).filter(|&other| other != slot) {
                 let met = self.turn(seen, slot, other)?;
-                self.facets[first + at].neighbors[other] = met;
+                self.facets[self.cone[at] as usize].neighbors[other] = met;
             }
         }
         Ok(())
@@ -244,25 +257,25 @@ impl Polytope {
             low = low.min(along);
             high = high.max(along);
         }
-        let facet = self.facets.len() as u32;
         // Point 0 is never compared with a facet: it is a corner of the first simplex.
-        self.facets.push(Facet {
-            normal,
-            low,
-            high,
-            corners,
-            neighbors,
-            height: 0.0,
-            compared: 0,
-            retired: false,
-        });
-        Ok(facet)
+        let facet =
+            Facet { normal, low, high, corners, neighbors, height: 0.0, compared: 0, born: self.born };
+        self.born += 1;
+        if let Some(slot) = self.free.pop() {
+            self.facets[slot as usize] = facet;
+            Ok(slot)
+        } else {
+            self.facets.push(facet);
+            Ok(self.facets.len() as u32 - 1)
+        }
     }
 
-    fn enqueue_from(&mut self, first: usize, worth: f64) {
-        for (facet, f) in self.facets.iter().enumerate().skip(first) {
-            if f.low < worth {
-                self.waiting.push(Waiting { low: f.low, facet: facet as u32 });
+    /// Queues the facets of the cone.
+    fn enqueue(&mut self, worth: f64) {
+        for &facet in &self.cone {
+            let Facet { low, born, .. } = self.facets[facet as usize];
+            if low < worth {
+                self.waiting.push(Waiting { low, born, facet });
             }
         }
     }

@@ -1,6 +1,7 @@
 //! The metric against values that it did not make itself.
 mod brute_force;
 mod degenerate;
+mod expansion;
 mod golden;
 mod properties;
 

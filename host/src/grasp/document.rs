@@ -1,0 +1,281 @@
+//! The documents of `prehend quality`: contacts in, quality out.
+//!
+//! ```json
+//! {"contacts": [{"point": [0.03, 0, 0], "normal": [-1, 0, 0], "friction": 0.4, "torsional_m": 0.005, "max_force_n": 10}],
+//!  "center_of_mass": [0, 0, 0], "torque_scale_m": 0.06}
+//! ```
+//!
+//! Metres and newtons, one frame for all. `normal` points into the object and may have any length. A contact needs
+//! `point`, `normal` and `friction`; the defaults of the rest:
+//!
+//! | field | default |
+//! |---|---|
+//! | `torsional_m` | 0: a hard contact |
+//! | `max_force_n` | 1 N; only `--norm linf` uses it |
+//! | `center_of_mass` | centroid of the contact points |
+//! | `torque_scale_m` | largest distance of a contact point from `center_of_mass`; 1 m when all are there |
+//!
+//! The last two are what a tool can do that does not see the object. They change with the contacts, so give both to
+//! compare grasps of one object.
+
+use nalgebra::{Point3, Vector3, Vector6};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::contact::{Contact, ContactError};
+use super::friction::ConeModel;
+use super::quality::{Closure, Convention, ForceNorm, NoClosure, Norm, Quality, Separation, Settings};
+use super::wrench::{WrenchReference, WrenchReferenceError};
+
+/// Most contacts that a document may have: ten hands full of tactile pads.
+pub const MAX_CONTACTS: usize = 1000;
+
+/// Why a text is not a grasp.
+#[derive(Debug, Error)]
+pub enum DocumentError {
+    /// Not JSON, or a field is missing, unknown or of the wrong type. The message names it, with line and column.
+    #[error(transparent)]
+    Json(#[from] serde_json::Error),
+    /// More than [`MAX_CONTACTS`].
+    #[error("{0} contacts are more than {MAX_CONTACTS}")]
+    TooManyContacts(usize),
+    /// A contact is not valid.
+    #[error("contact {index}: {source}")]
+    Contact {
+        /// Its place in the list, from 0.
+        index: usize,
+        /// What is wrong with it.
+        source: ContactError,
+    },
+    /// Centre of mass or torque scale is not valid.
+    #[error(transparent)]
+    Reference(#[from] WrenchReferenceError),
+}
+
+/// A grasp as somebody wrote it down, checked.
+#[derive(Debug, Clone, PartialEq)]
+pub struct GraspDocument {
+    /// The contacts, in the order of the document.
+    pub contacts: Vec<Contact>,
+    /// Centre and scale of torques.
+    pub reference: WrenchReference,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `contacts`")]
+struct RawGrasp {
+    contacts: Vec<RawContact>,
+    center_of_mass: Option<[f64; 3]>,
+    torque_scale_m: Option<f64>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `point`, `normal` and `friction`")]
+struct RawContact {
+    point: [f64; 3],
+    normal: [f64; 3],
+    friction: f64,
+    #[serde(default)]
+    torsional_m: f64,
+    #[serde(default = "default_max_force_n")]
+    max_force_n: f64,
+}
+
+fn default_max_force_n() -> f64 {
+    Contact::DEFAULT_MAX_FORCE_N
+}
+
+impl RawContact {
+    fn checked(&self) -> Result<Contact, ContactError> {
+        Contact::new(Point3::from(self.point), Vector3::from(self.normal), self.friction)?
+            .with_torsion(self.torsional_m)?
+            .with_max_force(self.max_force_n)
+    }
+}
+
+impl GraspDocument {
+    /// Reads a document.
+    pub fn from_json(text: &str) -> Result<Self, DocumentError> {
+        let raw: RawGrasp = serde_json::from_str(text)?;
+        if raw.contacts.len() > MAX_CONTACTS {
+            return Err(DocumentError::TooManyContacts(raw.contacts.len()));
+        }
+        let checked = |(index, contact): (usize, &RawContact)| {
+            contact.checked().map_err(|source| DocumentError::Contact { index, source })
+        };
+        let contacts = raw.contacts.iter().enumerate().map(checked).collect::<Result<Vec<_>, _>>()?;
+        let center = raw.center_of_mass.map_or_else(|| centroid(&contacts), Point3::from);
+        let scale = raw.torque_scale_m.unwrap_or_else(|| farthest(&contacts, &center).unwrap_or(1.0));
+        Ok(Self { reference: WrenchReference::new(center, scale)?, contacts })
+    }
+}
+
+/// The origin when there is no contact: no torque will be taken about it.
+fn centroid(contacts: &[Contact]) -> Point3<f64> {
+    let sum: Vector3<f64> = contacts.iter().map(|c| c.point_in_object().coords).sum();
+    Point3::from(sum / contacts.len().max(1) as f64)
+}
+
+fn farthest(contacts: &[Contact], center: &Point3<f64>) -> Option<f64> {
+    let distances = contacts.iter().map(|c| (c.point_in_object() - center).norm());
+    distances.reduce(f64::max).filter(|&distance| distance > 0.0)
+}
+
+/// What `prehend quality --json` prints.
+///
+/// `closure` is `null` when the search ran out of iterations before it could tell. `epsilon` is the lower bound, the
+/// number to compare; fields that do not apply are absent.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct QualityDocument {
+    closure: Option<bool>,
+    /// Whether the bracket is as narrow as asked for, or the proof complete.
+    finished: bool,
+    #[serde(flatten)]
+    finding: Finding,
+    convention: ConventionDocument,
+    /// Support queries made.
+    iterations: usize,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum Finding {
+    Bracket { epsilon: f64, epsilon_low: f64, epsilon_high: f64, weakest_wrench: [f64; 6] },
+    Proof { reason: &'static str, separating_direction: [f64; 6], margin: f64 },
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct ConventionDocument {
+    edges: Edges,
+    norm: &'static str,
+    force_norm: &'static str,
+    epsilon_unit: &'static str,
+    wrench: &'static str,
+    center_of_mass: [f64; 3],
+    torque_scale_m: f64,
+    tolerance: f64,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+#[serde(untagged)]
+enum Edges {
+    Count(u16),
+    Exact(&'static str),
+}
+
+impl QualityDocument {
+    /// The document of an evaluation.
+    #[must_use]
+    pub fn new(closure: &Closure, settings: &Settings, reference: &WrenchReference) -> Self {
+        let (closed, finished, finding, iterations) = match closure {
+            Closure::Force(quality) => (Some(true), true, bracket(quality), quality.iterations),
+            Closure::None(separation) => (Some(false), true, proof(separation), separation.iterations),
+            Closure::Below(quality) | Closure::Unfinished(quality) => {
+                let closed = (quality.epsilon_low > 0.0).then_some(true);
+                (closed, false, bracket(quality), quality.iterations)
+            }
+        };
+        let convention = convention(&Convention::of(settings, reference), settings.tolerance);
+        Self { closure: closed, finished, finding, convention, iterations }
+    }
+}
+
+fn bracket(quality: &Quality) -> Finding {
+    Finding::Bracket {
+        epsilon: quality.epsilon(),
+        epsilon_low: quality.epsilon_low,
+        epsilon_high: quality.epsilon_high,
+        weakest_wrench: array(&quality.weakest_wrench),
+    }
+}
+
+fn proof(separation: &Separation) -> Finding {
+    let reason = match separation.reason {
+        NoClosure::NoContacts => "no_contacts",
+        NoClosure::Separated => "separated",
+        NoClosure::Flat => "flat",
+        NoClosure::Boundary => "boundary",
+    };
+    let separating_direction = array(&separation.direction);
+    Finding::Proof { reason, separating_direction, margin: separation.margin }
+}
+
+fn convention(convention: &Convention, tolerance: f64) -> ConventionDocument {
+    let (norm, epsilon_unit) = match convention.norm {
+        Norm::L1 => ("l1", "fraction of the total normal force"),
+        Norm::LInf => ("linf", "N"),
+    };
+    ConventionDocument {
+        edges: match convention.cone {
+            ConeModel::Exact => Edges::Exact("exact"),
+            ConeModel::Edges(count) => Edges::Count(count.get()),
+        },
+        norm,
+        force_norm: match convention.force_norm {
+            ForceNorm::Normal => "normal",
+            ForceNorm::Edge => "edge",
+        },
+        epsilon_unit,
+        wrench: "force, torque / torque_scale_m",
+        center_of_mass: convention.reference.center_of_mass_in_object().into(),
+        torque_scale_m: convention.reference.torque_scale_m(),
+        tolerance,
+    }
+}
+
+fn array(vector: &Vector6<f64>) -> [f64; 6] {
+    (*vector).into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn error(text: &str) -> String {
+        GraspDocument::from_json(text).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn defaults_are_the_documented_ones() {
+        let text = r#"{"contacts":[{"point":[0.0,1.0,0.0],"normal":[0,-2,0],"friction":0.4},
+            {"point":[0,-3,0],"normal":[0,1,0],"friction":0.5,"torsional_m":0.01,"max_force_n":10}]}"#;
+        let GraspDocument { contacts, reference } = GraspDocument::from_json(text).unwrap();
+        assert_eq!(reference.center_of_mass_in_object(), Point3::new(0.0, -1.0, 0.0));
+        assert_eq!(reference.torque_scale_m(), 2.0);
+        assert_eq!((contacts[0].torsional_m(), contacts[0].max_force_n()), (0.0, 1.0));
+        assert_eq!((contacts[1].torsional_m(), contacts[1].max_force_n()), (0.01, 10.0));
+        assert_eq!(contacts[0].inward_normal_in_object().into_inner(), -Vector3::y());
+
+        let one_point = r#"{"contacts":[{"point":[1,1,1],"normal":[0,1,0],"friction":0}]}"#;
+        assert_eq!(GraspDocument::from_json(one_point).unwrap().reference.torque_scale_m(), 1.0);
+        assert!(GraspDocument::from_json(r#"{"contacts":[]}"#).unwrap().contacts.is_empty());
+    }
+
+    #[test]
+    fn what_is_wrong_is_named() {
+        for (text, named) in [
+            ("", "EOF"),
+            ("[]", "contacts"),
+            (r#"{}"#, "contacts"),
+            (r#"{"contacts":[],"com":[0,0,0]}"#, "com"),
+            (r#"{"contacts":[{"point":[0,0,0],"normal":[0,0,1],"mu":0.4}]}"#, "mu"),
+            (r#"{"contacts":[{"point":[0,0,0],"normal":[0,0,1]}]}"#, "friction"),
+            (r#"{"contacts":[{"point":[0,0],"normal":[0,0,1],"friction":1}]}"#, "length 2"),
+            (
+                r#"{"contacts":[{"point":[0,0,0],"normal":[0,0,0],"friction":1}]}"#,
+                "contact 0: normal (0, 0, 0)",
+            ),
+            (r#"{"contacts":[{"point":[0,0,1e999],"normal":[0,0,1],"friction":1}]}"#, "number out of range"),
+            (r#"{"contacts":[{"point":[0,0,1e30],"normal":[0,0,1],"friction":1}]}"#, "contact 0: point"),
+            (r#"{"contacts":[{"point":[0,0,0],"normal":[0,0,1],"friction":-1}]}"#, "friction -1"),
+            (r#"{"contacts":[],"torque_scale_m":0}"#, "torque_scale_m 0"),
+            (r#"{"contacts":[],"torque_scale_m":NaN}"#, "line 1"),
+        ] {
+            let message = error(text);
+            assert!(message.contains(named), "{text}: {message}");
+        }
+        let contact = r#"{"point":[0,0,0],"normal":[0,0,1],"friction":1}"#;
+        let many = vec![contact; MAX_CONTACTS + 1].join(",");
+        assert!(error(&format!(r#"{{"contacts":[{many}]}}"#)).starts_with("1001 contacts"));
+    }
+}
