@@ -1,25 +1,26 @@
 //! Statistical removal of stray points.
 
+use nalgebra::Point3;
 use rayon::prelude::*;
 
-use super::{cloud::PointCloud, grid::Grid};
+use super::grid::Grid;
 
 /// Neighbours whose mean distance tells whether a point belongs to a surface.
 const NEIGHBOURS: usize = 8;
 
-/// Drops points whose mean distance to their neighbours exceeds the cloud's median of that distance by more than
-/// `factor` times its median absolute deviation (scaled to a standard deviation), and at least by as much again.
+/// For each point whether it belongs to a surface: not when the mean distance to its neighbours exceeds the cloud's
+/// median of that distance by more than `factor` times its median absolute deviation (scaled to a standard
+/// deviation), and at least by as much again.
 ///
-/// Medians, unlike the usual mean and deviation, are not moved by the strays themselves. Borders and uneven
-/// density are honest, hence the floor.
+/// Medians, unlike the usual mean and deviation, are not moved by the strays themselves. Borders and uneven density
+/// are honest, hence the floor.
 #[must_use]
-pub fn without_outliers(cloud: &PointCloud, factor: f64) -> PointCloud {
-    if cloud.len() <= NEIGHBOURS {
-        return cloud.clone();
+pub fn inliers(points: &[Point3<f64>], factor: f64) -> Vec<bool> {
+    if points.len() <= NEIGHBOURS {
+        return vec![true; points.len()];
     }
-    let grid = Grid::for_surface(&cloud.points);
-    let spread: Vec<f64> = cloud
-        .points
+    let grid = Grid::for_surface(points);
+    let spread: Vec<f64> = points
         .par_iter()
         .map_init(Vec::new, |found, point| {
             grid.nearest(point, NEIGHBOURS + 1, found);
@@ -29,7 +30,7 @@ pub fn without_outliers(cloud: &PointCloud, factor: f64) -> PointCloud {
     let center = median(spread.clone());
     let deviation = 1.4826 * median(spread.iter().map(|s| (s - center).abs()).collect());
     let limit = center + (factor * deviation).max(center);
-    cloud.filtered(|i, _| spread[i] <= limit)
+    spread.into_iter().map(|s| s <= limit).collect()
 }
 
 /// The middle value, or 0 of nothing.
@@ -48,8 +49,6 @@ pub(super) fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Point3;
-
     use super::*;
 
     #[test]
@@ -57,8 +56,7 @@ mod tests {
         let mut points: Vec<_> =
             (0..400).map(|i| Point3::new(f64::from(i % 20), f64::from(i / 20), 0.0)).collect();
         points.push(Point3::new(10.0, 10.0, 6.0));
-        let kept = without_outliers(&PointCloud::from_points(points).unwrap(), 6.0);
-        assert_eq!(kept.len(), 400);
-        assert!(kept.points.iter().all(|p| p.z == 0.0));
+        let kept = inliers(&points, 6.0);
+        assert!(!kept[400] && kept[..400].iter().all(|&kept| kept));
     }
 }

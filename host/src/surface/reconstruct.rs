@@ -15,10 +15,10 @@ use super::{
     grid::Grid,
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
-    outlier::{median, quantile, without_outliers},
+    outlier::{inliers, median, quantile},
     table::{Plane, find_table},
     tangent::{Tangent, tangents},
-    thin::thin,
+    thin::{Thinned, thin},
 };
 
 /// Fewest points that make a surface.
@@ -230,7 +230,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     }
     seconds.orient_s = clock.lap();
 
-    let support_plane = table.unwrap_or_else(|| assumed_plane(&planes));
+    let support_plane = table.unwrap_or_else(|| assumed_plane(&planes, &fitted.points));
     let plane_from_cloud = support_plane.plane_from_cloud();
     planes.par_iter_mut().for_each(|plane| *plane = plane.transformed(&plane_from_cloud));
     let origins: Vec<Point3<f64>> = planes.iter().map(|plane| plane.origin).collect();
@@ -339,15 +339,10 @@ fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, Reconstruct
         scene = scene.filtered(|_, p| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]));
         enough(cloud, scene.len(), "cropping")?;
     }
-    if settings.outliers {
-        scene = without_outliers(&scene, 6.0);
-        enough(cloud, scene.len(), "removing outliers")?;
-    }
-    let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
     not_on_a_line(&scene.points)?;
-    let sights = scene.views.iter().flatten().zip(&scene.points);
-    let sights = sights.map(|(&towards_sensor, &point)| Sight { point, towards_sensor }).collect::<Vec<_>>();
-    let thinned = thin(&scene, settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005)));
+    let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
+    let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
+    let Thinned { cloud: thinned, voxel_of } = thin(&scene, voxel_m);
     let spacing = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
     let table = match settings.table {
         Table::None => None,
@@ -355,12 +350,23 @@ fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, Reconstruct
         Table::Plane(plane) => Some(plane),
     };
     let margin = settings.table_margin_m.unwrap_or_else(|| spacing.max(0.001));
-    let object = match table {
-        Some(table) => thinned.filtered(|_, p| table.height(p) > margin),
-        None => thinned,
-    };
-    enough(cloud, object.len(), "removing the table")?;
+    let height = |p: &Point3<f64>| table.map_or(f64::INFINITY, |table| table.height(p));
+    let above: Vec<u32> =
+        (0..thinned.len() as u32).filter(|&i| height(&thinned.points[i as usize]) > margin).collect();
+    enough(cloud, above.len(), "removing the table")?;
+    let mut keep = vec![false; thinned.len()];
+    let points: Vec<Point3<f64>> = above.iter().map(|&i| thinned.points[i as usize]).collect();
+    let belongs = if settings.outliers { inliers(&points, 6.0) } else { vec![true; points.len()] };
+    above.iter().zip(belongs).for_each(|(&i, belongs)| keep[i as usize] = belongs);
+    let object = thinned.filtered(|i, _| keep[i]);
+    enough(cloud, object.len(), "removing outliers")?;
     not_on_a_line(&object.points)?;
+    // The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
+    let sights = scene.views.iter().flatten().zip(&scene.points).zip(&voxel_of);
+    let sights = sights
+        .filter(|((_, point), voxel)| keep[**voxel as usize] || height(point).abs() <= margin)
+        .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
+        .collect();
     Ok(Cleaned { object, sights, table })
 }
 
@@ -391,12 +397,12 @@ fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
 }
 
 /// Without a table: a plane across the mean outward direction, through the point that lies deepest behind it.
-fn assumed_plane(planes: &[Tangent]) -> Plane {
+fn assumed_plane(planes: &[Tangent], points: &[Point3<f64>]) -> Plane {
     let sum: Vector3<f64> = planes.iter().map(|plane| plane.normal.into_inner()).sum();
     // The normals of a closed surface cancel; then any plane below serves.
     let normal = Unit::try_new(sum, 0.05 * planes.len() as f64).unwrap_or_else(Vector3::z_axis);
-    let depth = |plane: &Tangent| normal.dot(&plane.origin.coords);
-    Plane { normal, offset_m: planes.iter().map(depth).fold(f64::INFINITY, f64::min) }
+    let depths = points.iter().map(|point| normal.dot(&point.coords));
+    Plane { normal, offset_m: depths.fold(f64::INFINITY, f64::min) }
 }
 
 /// A lattice about the points whose layers lie half a cell off the plane z = 0.

@@ -5,14 +5,23 @@ use rayon::prelude::*;
 
 use super::cloud::PointCloud;
 
+/// A thinned cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Thinned {
+    /// One point for each occupied voxel.
+    pub cloud: PointCloud,
+    /// For each point of the dense cloud the index of its voxel's point.
+    pub voxel_of: Vec<u32>,
+}
+
 /// Averages positions, normals and lines of sight over voxels of side `voxel_m` (> 0).
 ///
 /// Overlapping sweeps sample a surface far more densely than their noise lets them resolve it, and neighbourhoods of a
 /// few points then describe the noise. The mean of a voxel is both fewer points and better ones.
 #[must_use]
-pub fn thin(cloud: &PointCloud, voxel_m: f64) -> PointCloud {
+pub fn thin(cloud: &PointCloud, voxel_m: f64) -> Thinned {
     let Some((low, _)) = cloud.bounding_box() else {
-        return cloud.clone();
+        return Thinned { cloud: cloud.clone(), voxel_of: Vec::new() };
     };
     let voxel = |p: &Point3<f64>| -> [u64; 3] { ((p - low) / voxel_m).map(|c| c as u64).into() };
     let mut order: Vec<([u64; 3], u32)> =
@@ -29,7 +38,12 @@ pub fn thin(cloud: &PointCloud, voxel_m: f64) -> PointCloud {
             low + sum / group.len() as f64
         })
         .collect();
-    PointCloud { points, normals: directions(&cloud.normals), views: directions(&cloud.views) }
+    let mut voxel_of = vec![0; cloud.len()];
+    for (voxel, group) in groups.iter().enumerate() {
+        group.iter().for_each(|&(_, i)| voxel_of[i as usize] = voxel as u32);
+    }
+    let cloud = PointCloud { points, normals: directions(&cloud.normals), views: directions(&cloud.views) };
+    Thinned { cloud, voxel_of }
 }
 
 /// The mean direction, or the first one where directions cancel.
@@ -44,11 +58,12 @@ mod tests {
 
     #[test]
     fn one_mean_point_for_each_voxel() {
-        let points = [[0.0, 0.0, 0.0], [0.2, 0.0, 0.0], [1.5, 0.0, 0.0]].map(Point3::from).to_vec();
-        let views = Some(vec![Vector3::z_axis(), -Vector3::z_axis(), Vector3::x_axis()]);
+        let points = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.2, 0.0, 0.0]].map(Point3::from).to_vec();
+        let views = Some(vec![Vector3::z_axis(), Vector3::x_axis(), -Vector3::z_axis()]);
         let thinned = thin(&PointCloud { points, normals: None, views }, 1.0);
-        assert_eq!(thinned.points, [[0.1, 0.0, 0.0], [1.5, 0.0, 0.0]].map(Point3::from));
-        assert_eq!(thinned.views.unwrap(), [Vector3::z_axis(), Vector3::x_axis()]);
-        assert!(thin(&PointCloud::default(), 1.0).is_empty());
+        assert_eq!(thinned.voxel_of, [0, 1, 0]);
+        assert_eq!(thinned.cloud.points, [[0.1, 0.0, 0.0], [1.5, 0.0, 0.0]].map(Point3::from));
+        assert_eq!(thinned.cloud.views.unwrap(), [Vector3::z_axis(), Vector3::x_axis()]);
+        assert!(thin(&PointCloud::default(), 1.0).cloud.is_empty());
     }
 }
