@@ -5,5 +5,5 @@ pub mod sweep;
 pub mod virtual_scan;
 
 pub use instrument::{Camera, Instrument};
-pub use sweep::{StripePose, Sweep, SweepPlan, SweepSettings, plan_sweeps};
+pub use sweep::{StripePose, Sweep, SweepPlan, SweepSettings, plan_sweeps, target_sphere};
 pub use virtual_scan::{Scan, ScanError, scan};

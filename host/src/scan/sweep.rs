@@ -5,6 +5,7 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 
 use super::instrument::Instrument;
+use crate::surface::Mesh;
 
 /// One exposure of the stripe.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -116,6 +117,14 @@ pub fn plan_sweeps(
         add(&format!("from {:.0} deg", azimuth.to_degrees()), azimuth, &settings.tilts_rad);
     }
     plan
+}
+
+/// Centre and radius of a sphere about a mesh, for [`plan_sweeps`]: the centre of its box, and the farthest vertex.
+#[must_use]
+pub fn target_sphere(mesh: &Mesh) -> (Point3<f64>, f64) {
+    let (low, high) = mesh.bounding_box();
+    let center = nalgebra::center(&low, &high);
+    (center, mesh.vertices().iter().map(|p| (p - center).norm()).fold(0.0, f64::max))
 }
 
 struct View<'a> {

@@ -4,6 +4,8 @@
 //! empty; any other node below measured surface belongs to the body. This is free-space carving plus extrusion to the
 //! table, here in the field and not on the mesh, so that the result is closed whatever holes the scan left.
 
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use nalgebra::{Point3, Unit, Vector3};
 use rayon::prelude::*;
 
@@ -91,7 +93,9 @@ impl<'a> Volume<'a> {
         let cell = self.measured.lattice.cell_m;
         let low = self.measured.lattice.position(pack(self.low));
         let top = Vector3::from(self.dims.map(|d| (d - 1) as f64));
-        for sight in sights {
+        // Marks only ever go from false to true, so that the order of threads does not show.
+        let passed: Vec<AtomicBool> = self.known.iter().map(|_| AtomicBool::new(false)).collect();
+        sights.par_iter().for_each(|sight| {
             let from = (sight.point - low) / cell;
             let step = sight.towards_sensor.into_inner();
             // Part of the line within the box, in cells; near its point noise would let it cut into the body.
@@ -104,17 +108,18 @@ impl<'a> Volume<'a> {
                 start = start.max(a.min(b));
                 end = end.min(a.max(b));
             }
-            if !end.is_finite() {
-                continue;
+            if end.is_infinite() || end < start {
+                return;
             }
-            let steps = ((end - start) / 0.7).max(-1.0).floor() as i64;
-            for i in 0..=steps {
+            for i in 0..=((end - start) / 0.7) as usize {
                 let at = from + step * (start + 0.7 * i as f64);
                 let node = [0, 1, 2].map(|a| (at[a].round() as usize).min(self.dims[a] - 1));
-                let index = self.index(node);
-                if self.known[index] == Knowledge::Unseen {
-                    self.known[index] = Knowledge::Empty;
-                }
+                passed[self.index(node)].store(true, Ordering::Relaxed);
+            }
+        });
+        for (known, passed) in self.known.iter_mut().zip(passed) {
+            if passed.into_inner() && *known == Knowledge::Unseen {
+                *known = Knowledge::Empty;
             }
         }
     }

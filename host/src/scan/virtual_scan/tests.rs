@@ -4,7 +4,7 @@ use parry3d_f64::{math::Vector, query::PointQuery, shape::TriMesh};
 use super::*;
 use crate::{
     object::{BuiltIn, Object},
-    scan::sweep::{SweepSettings, plan_sweeps},
+    scan::sweep::{SweepSettings, plan_sweeps, target_sphere},
     surface::{Closing, Settings, Table, reconstruct},
 };
 
@@ -13,9 +13,8 @@ fn placed(object: &Object) -> Mesh {
 }
 
 fn sweeps_over(mesh: &Mesh, settings: &SweepSettings) -> Vec<Sweep> {
-    let (low, high) = mesh.bounding_box();
-    let center = nalgebra::center(&low, &high);
-    plan_sweeps(&center, 0.5 * (high - low).norm(), &Instrument::default(), settings, &|_| true).sweeps
+    let (center, radius) = target_sphere(mesh);
+    plan_sweeps(&center, radius, &Instrument::default(), settings, &|_| true).sweeps
 }
 
 fn scan_of(mesh: &Mesh, instrument: &Instrument, seed: u64) -> Scan {
