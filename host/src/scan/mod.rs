@@ -1,1 +1,9 @@
-//! (to be described)
+//! Scanning: a laser stripe, two cameras, and an arm that sweeps them over the object.
+mod cast;
+pub mod instrument;
+pub mod sweep;
+pub mod virtual_scan;
+
+pub use instrument::{Camera, Instrument};
+pub use sweep::{StripePose, Sweep, SweepPlan, SweepSettings, plan_sweeps, target_sphere};
+pub use virtual_scan::{Scan, ScanError, scan};

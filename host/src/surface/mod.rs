@@ -1,6 +1,19 @@
 //! From points to a surface: the [`PointCloud`] and [`Mesh`] types and Hoppe's reconstruction between them.
+mod close;
 pub mod cloud;
+mod contour;
+pub mod distance;
+mod fragments;
+pub mod grid;
 pub mod mesh;
+pub mod orient;
+pub mod outlier;
+pub mod reconstruct;
+pub mod table;
+pub mod tangent;
+pub mod thin;
 
 pub use cloud::{CloudError, PointCloud};
 pub use mesh::{Mesh, MeshError};
+pub use reconstruct::{Closing, ReconstructError, Reconstruction, Report, Settings, Table, reconstruct};
+pub use table::Plane;

@@ -1,0 +1,434 @@
+//! The whole way from a cloud to a mesh.
+
+use std::time::Instant;
+
+use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+use rayon::prelude::*;
+use thiserror::Error;
+
+use super::{
+    close::{Sight, solid_on_table},
+    cloud::{CloudError, PointCloud},
+    contour::contour,
+    distance::{Lattice, Support, signed_distance},
+    fragments::without_fragments,
+    grid::Grid,
+    mesh::{Mesh, MeshError},
+    orient::{orient_by_propagation, orient_towards},
+    outlier::{inliers, median, quantile},
+    table::{Plane, find_table},
+    tangent::{Tangent, tangents},
+    thin::{Thinned, thin},
+};
+
+/// Fewest points that make a surface.
+pub const FEWEST_POINTS: usize = 30;
+
+/// Where the table is.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Table {
+    /// There is none in the cloud.
+    #[default]
+    None,
+    /// Search for it; there may be none.
+    Auto,
+    /// It is known, in the cloud's frame, normal towards the objects.
+    Plane(Plane),
+}
+
+/// What to do with a cloud. Lengths that are `None` follow from the cloud's own density.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Edge of a cell of the contouring lattice; by default 1.5 times the spacing of the thinned cloud.
+    pub cell_m: Option<f64>,
+    /// Voxel over which points are averaged first; by default 0.5 mm, or less for objects below 25 mm.
+    pub voxel_m: Option<f64>,
+    /// Neighbours of a tangent plane.
+    pub neighbours: usize,
+    /// Least radius of a tangent plane's neighbourhood; by default 1.5 times the spacing.
+    pub radius_m: Option<f64>,
+    /// Keep only points between these corners, cloud frame, metres.
+    pub crop: Option<(Point3<f64>, Point3<f64>)>,
+    /// Where the table is.
+    pub table: Table,
+    /// Points lower than this over the table belong to the table; by default the greater of 1 mm and the spacing.
+    pub table_margin_m: Option<f64>,
+    /// Complete the unseen to a closed body.
+    pub close: bool,
+    /// Remove stray points first.
+    pub outliers: bool,
+    /// Connected parts with less than this share of the largest one's area are dropped.
+    pub smallest_part: f64,
+    /// Seed of the search for the table.
+    pub seed: u64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            cell_m: None,
+            voxel_m: None,
+            neighbours: 12,
+            radius_m: None,
+            crop: None,
+            table: Table::None,
+            table_margin_m: None,
+            close: false,
+            outliers: true,
+            smallest_part: 0.02,
+            seed: 0,
+        }
+    }
+}
+
+/// How the open sheet became a body, or why not.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Closing {
+    /// Only what was measured was asked for.
+    NotAsked,
+    /// The measured surface was closed by itself.
+    AlreadyClosed,
+    /// What is unseen was extruded to the table.
+    OnTable,
+    /// There was no table: extruded, away from the sensor, to the deepest measured point.
+    OnAssumedPlane,
+    /// The completed volume would need too much memory, or had no surface: the mesh is the open sheet.
+    Impossible,
+}
+
+/// Wall-clock time of the stages, seconds.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct StageSeconds {
+    /// Cropping, thinning, outliers and the table.
+    pub clean_s: f64,
+    /// Neighbourhoods and tangent planes.
+    pub tangents_s: f64,
+    /// Orientation.
+    pub orient_s: f64,
+    /// Signed distances.
+    pub distance_s: f64,
+    /// Contouring.
+    pub contour_s: f64,
+    /// Completion of the unseen.
+    pub close_s: f64,
+}
+
+impl StageSeconds {
+    /// Sum of the stages.
+    #[must_use]
+    pub fn total_s(&self) -> f64 {
+        self.clean_s + self.tangents_s + self.orient_s + self.distance_s + self.contour_s + self.close_s
+    }
+}
+
+/// What was done.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Report {
+    /// Points given.
+    pub points: usize,
+    /// Points left after cropping, thinning and cleaning: one tangent plane each.
+    pub used: usize,
+    /// Median distance of a used point to its fourth neighbour: the pitch of a square grid of that density.
+    pub spacing_m: f64,
+    /// Edge of the contouring lattice's cells.
+    pub cell_m: f64,
+    /// The table, given or found, in the cloud's frame.
+    pub table: Option<Plane>,
+    /// How the mesh was closed.
+    pub closing: Closing,
+    /// Triangles of the mesh.
+    pub triangles: usize,
+    /// Whether the mesh is closed.
+    pub watertight: bool,
+    /// Edges that do not join two faces.
+    pub open_edges: usize,
+    /// Connected parts of the mesh.
+    pub components: usize,
+    /// Small parts that were dropped.
+    pub dropped_parts: usize,
+    /// Time taken.
+    pub seconds: StageSeconds,
+}
+
+/// A surface and how it came about.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reconstruction {
+    /// The surface in the cloud's frame.
+    pub mesh: Mesh,
+    /// For each face whether measured points support it; the others are completion, and a guess.
+    pub measured: Vec<bool>,
+    /// What was done.
+    pub report: Report,
+}
+
+/// Why there is no surface.
+#[derive(Debug, Clone, PartialEq, Error)]
+pub enum ReconstructError {
+    /// The cloud itself is wrong.
+    #[error(transparent)]
+    Cloud(#[from] CloudError),
+    /// Too few points.
+    #[error("{left} of {given} points are left after {stage}; a surface needs at least {FEWEST_POINTS}")]
+    TooFew {
+        /// Points given.
+        given: usize,
+        /// Points left.
+        left: usize,
+        /// After which stage.
+        stage: &'static str,
+    },
+    /// The points lie on a line or on one spot.
+    #[error("all points lie on a line")]
+    Degenerate,
+    /// A setting has no meaning.
+    #[error("setting {name} must be a positive number, not {value}")]
+    Setting {
+        /// Which.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// The cells are too small for the cloud.
+    #[error("cells of {cell_m} m are too small for a cloud of {extent_m} m")]
+    CellTooSmall {
+        /// Edge of a cell.
+        cell_m: f64,
+        /// Longest side of the cloud.
+        extent_m: f64,
+    },
+    /// Nothing could be contoured.
+    #[error("the points support no surface: {0}")]
+    NoSurface(#[from] MeshError),
+}
+
+/// Reconstructs the surface that a cloud samples, by the method of Hoppe et al. 1992 on a cleaned and thinned cloud.
+///
+/// Orientation comes from the cloud's lines of sight, else from its normals, else from propagation. The result does
+/// not depend on the number of threads.
+pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruction, ReconstructError> {
+    check_settings(settings)?;
+    let mut seconds = StageSeconds::default();
+    let mut clock = Clock(Instant::now());
+    let Cleaned { object, sights, table } = clean(cloud, settings)?;
+    seconds.clean_s = clock.lap();
+
+    let grid = Grid::for_surface(&object.points);
+    let fourth = fourth_neighbour(&object.points, &grid);
+    let spacing = median(fourth.clone());
+    let cell_m = settings.cell_m.unwrap_or(1.5 * spacing);
+    let radius = settings.radius_m.unwrap_or(1.5 * spacing);
+    let planes = tangents(&object.points, &grid, settings.neighbours, radius);
+    let fitted = object.filtered(|i, _| planes[i].is_some());
+    let mut planes: Vec<Tangent> = planes.into_iter().flatten().collect();
+    enough(cloud, planes.len(), "fitting tangent planes")?;
+    seconds.tangents_s = clock.lap();
+
+    let up = table.map_or_else(Vector3::z, |table| table.normal.into_inner());
+    match fitted.views.as_ref().or(fitted.normals.as_ref()) {
+        Some(outside) => orient_towards(&mut planes, outside),
+        None => orient_by_propagation(&mut planes, settings.neighbours, &up),
+    }
+    seconds.orient_s = clock.lap();
+
+    let support_plane = table.unwrap_or_else(|| assumed_plane(&planes, &fitted.points));
+    let plane_from_cloud = support_plane.plane_from_cloud();
+    planes.par_iter_mut().for_each(|plane| *plane = plane.transformed(&plane_from_cloud));
+    let origins: Vec<Point3<f64>> = planes.iter().map(|plane| plane.origin).collect();
+    let lattice = lattice_above_table(&origins, cell_m)?;
+    let grid = Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m));
+    let support = Support { radius_m: 1.5 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
+    let field = signed_distance(&planes, &grid, lattice, &support);
+    seconds.distance_s = clock.lap();
+
+    let sheet = without_fragments(contour(&field), settings.smallest_part, false);
+    let mut dropped_parts = sheet.dropped;
+    let (vertices, faces) = sheet.triangles;
+    let mut mesh = Mesh::new(vertices, faces)?;
+    seconds.contour_s = clock.lap();
+
+    let mut closing = Closing::NotAsked;
+    if settings.close {
+        closing = Closing::AlreadyClosed;
+        if !mesh.is_watertight() {
+            let sights: Vec<Sight> = sights
+                .iter()
+                .map(|sight| Sight {
+                    point: plane_from_cloud * sight.point,
+                    towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
+                })
+                .collect();
+            let body = solid_on_table(&field, &sights)
+                .map(|solid| without_fragments(contour(&solid), settings.smallest_part, true))
+                .and_then(|kept| Some((Mesh::new(kept.triangles.0, kept.triangles.1).ok()?, kept.dropped)));
+            closing = match body {
+                Some((body, dropped)) => {
+                    (mesh, dropped_parts) = (body, dropped);
+                    if table.is_some() { Closing::OnTable } else { Closing::OnAssumedPlane }
+                }
+                None => Closing::Impossible,
+            };
+        }
+    }
+    let measured = supported_faces(&mesh, &grid, support.radius_m);
+    let mesh = mesh.transformed(&plane_from_cloud.inverse());
+    let open_edges = mesh.open_edges();
+    seconds.close_s = clock.lap();
+    let report = Report {
+        points: cloud.len(),
+        used: origins.len(),
+        spacing_m: spacing,
+        cell_m,
+        table,
+        closing,
+        triangles: mesh.faces().len(),
+        watertight: open_edges == 0,
+        open_edges,
+        components: mesh.components(),
+        dropped_parts,
+        seconds,
+    };
+    Ok(Reconstruction { mesh, measured, report })
+}
+
+struct Clock(Instant);
+
+impl Clock {
+    fn lap(&mut self) -> f64 {
+        let now = Instant::now();
+        let lap = now - std::mem::replace(&mut self.0, now);
+        lap.as_secs_f64()
+    }
+}
+
+fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
+    let positive = [
+        ("cell_m", settings.cell_m),
+        ("voxel_m", settings.voxel_m),
+        ("radius_m", settings.radius_m),
+        ("table_margin_m", settings.table_margin_m),
+        ("neighbours", Some(settings.neighbours.saturating_sub(2) as f64)),
+    ];
+    for (name, value) in positive {
+        if let Some(value) = value
+            && !(value.is_finite() && value > 0.0)
+        {
+            return Err(ReconstructError::Setting { name, value });
+        }
+    }
+    Ok(())
+}
+
+fn enough(cloud: &PointCloud, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
+    if left < FEWEST_POINTS {
+        return Err(ReconstructError::TooFew { given: cloud.len(), left, stage });
+    }
+    Ok(())
+}
+
+/// The object's points, what all points tell about empty space, and the table.
+struct Cleaned {
+    object: PointCloud,
+    sights: Vec<Sight>,
+    table: Option<Plane>,
+}
+
+fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, ReconstructError> {
+    let mut scene = cloud.clone().checked()?;
+    enough(cloud, scene.len(), "reading")?;
+    if let Some((low, high)) = settings.crop {
+        scene = scene.filtered(|_, p| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]));
+        enough(cloud, scene.len(), "cropping")?;
+    }
+    not_on_a_line(&scene.points)?;
+    let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
+    let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
+    let Thinned { cloud: thinned, voxel_of } = thin(&scene, voxel_m);
+    let spacing = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
+    let table = match settings.table {
+        Table::None => None,
+        Table::Auto => find_table(&thinned, spacing.max(0.002 * extent), settings.seed),
+        Table::Plane(plane) => Some(plane),
+    };
+    let margin = settings.table_margin_m.unwrap_or_else(|| spacing.max(0.001));
+    let height = |p: &Point3<f64>| table.map_or(f64::INFINITY, |table| table.height(p));
+    let above: Vec<u32> =
+        (0..thinned.len() as u32).filter(|&i| height(&thinned.points[i as usize]) > margin).collect();
+    enough(cloud, above.len(), "removing the table")?;
+    let mut keep = vec![false; thinned.len()];
+    let points: Vec<Point3<f64>> = above.iter().map(|&i| thinned.points[i as usize]).collect();
+    let belongs = if settings.outliers { inliers(&points, 6.0) } else { vec![true; points.len()] };
+    above.iter().zip(belongs).for_each(|(&i, belongs)| keep[i as usize] = belongs);
+    let object = thinned.filtered(|i, _| keep[i]);
+    enough(cloud, object.len(), "removing outliers")?;
+    not_on_a_line(&object.points)?;
+    // The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
+    let sights = scene.views.iter().flatten().zip(&scene.points).zip(&voxel_of);
+    let sights = sights
+        .filter(|((_, point), voxel)| keep[**voxel as usize] || height(point).abs() <= margin)
+        .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
+        .collect();
+    Ok(Cleaned { object, sights, table })
+}
+
+/// Errors when the points vary along one direction at most.
+fn not_on_a_line(points: &[Point3<f64>]) -> Result<(), ReconstructError> {
+    let count = points.len() as f64;
+    let mean = points.iter().map(|p| p.coords / count).sum::<Vector3<f64>>();
+    let reach = points.iter().map(|p| (p.coords - mean).amax()).fold(0.0, f64::max);
+    // Scaled first: squares of tiny or huge coordinates leave the range of a float.
+    let offset = |p: &Point3<f64>| (p.coords - mean) / reach;
+    let covariance: Matrix3<f64> =
+        points.iter().map(offset).filter(|o| o.amax().is_finite()).map(|o| o * o.transpose() / count).sum();
+    let mut variances = SymmetricEigen::new(covariance).eigenvalues;
+    variances.as_mut_slice().sort_by(f64::total_cmp);
+    if reach <= 0.0 || !reach.is_finite() || variances[1] <= 1e-10 * variances[2] {
+        return Err(ReconstructError::Degenerate);
+    }
+    Ok(())
+}
+
+/// Distance from each point to its fourth neighbour: on a square grid of samples, its pitch.
+fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
+    let distance = |found: &mut Vec<(f64, u32)>, point| {
+        grid.nearest(point, 5, found);
+        found.last().map_or(0.0, |n| n.0.sqrt())
+    };
+    points.par_iter().map_init(Vec::new, distance).collect()
+}
+
+/// Without a table: a plane across the mean outward direction, through the point that lies deepest behind it.
+fn assumed_plane(planes: &[Tangent], points: &[Point3<f64>]) -> Plane {
+    let sum: Vector3<f64> = planes.iter().map(|plane| plane.normal.into_inner()).sum();
+    // The normals of a closed surface cancel; then any plane below serves.
+    let normal = Unit::try_new(sum, 0.05 * planes.len() as f64).unwrap_or_else(Vector3::z_axis);
+    let depths = points.iter().map(|point| normal.dot(&point.coords));
+    Plane { normal, offset_m: depths.fold(f64::INFINITY, f64::min) }
+}
+
+/// A lattice about the points whose layers lie half a cell off the plane z = 0.
+fn lattice_above_table(points: &[Point3<f64>], cell_m: f64) -> Result<Lattice, ReconstructError> {
+    const MARGIN: f64 = 8.0;
+    let (low, high) = super::cloud::bounding_box(points).unwrap_or((Point3::origin(), Point3::origin()));
+    let bottom = low.z.min(0.0);
+    let extent_m = (high.x - low.x).max(high.y - low.y).max(high.z - bottom);
+    if extent_m / cell_m + 2.0 * MARGIN > Lattice::LONGEST {
+        return Err(ReconstructError::CellTooSmall { cell_m, extent_m });
+    }
+    let layers = (-bottom / cell_m).ceil() + MARGIN;
+    let low = Point3::new(low.x - MARGIN * cell_m, low.y - MARGIN * cell_m, -(layers + 0.5) * cell_m);
+    Ok(Lattice { low, cell_m })
+}
+
+fn supported_faces(mesh: &Mesh, grid: &Grid, radius_m: f64) -> Vec<bool> {
+    (0..mesh.faces().len())
+        .into_par_iter()
+        .map_init(Vec::new, |found, face| {
+            let [a, b, c] = mesh.corners(face).map(|p| p.coords);
+            grid.nearest(&Point3::from((a + b + c) / 3.0), 1, found);
+            found.first().is_some_and(|n| n.0 < radius_m * radius_m)
+        })
+        .collect()
+}
+
+#[cfg(test)]
+mod tests;
