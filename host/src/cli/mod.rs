@@ -13,6 +13,7 @@ pub mod demo;
 pub mod execute;
 mod input;
 pub mod plan;
+mod planning;
 mod progress;
 pub mod quality;
 pub mod reconstruct;

@@ -6,7 +6,6 @@ pub mod contact;
 pub mod document;
 mod expand;
 pub mod friction;
-pub mod grip;
 mod polytope;
 pub mod quality;
 pub mod wrench;

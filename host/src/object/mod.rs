@@ -68,8 +68,8 @@ impl Object {
 /// An object that needs no file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BuiltIn {
-    /// Porcelain lid, D 90 mm, 46 mm high with its knob, 70 g. The shape is a choice within what lids of tea bowls
-    /// measure (80 to 95 mm across); it stands on its flange, its rim 8 mm above the table.
+    /// Porcelain lid, D 90 mm, 48 mm high with its knob, 70 g. The shape is a choice within what lids of tea bowls
+    /// measure (80 to 95 mm across); it stands on its flange, its rim 10 mm above the table.
     TeacupCover,
     /// Plastic or wooden cube, side 50 mm, 100 g.
     Cube,

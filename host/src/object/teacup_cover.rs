@@ -7,7 +7,7 @@
 //!      .-'         '-.     dome, outer face a spherical cap, apex 22 mm above the lower edge of the rim
 //!    .'  .--. _ .--.  '.
 //!   |__.'|         |'.__|  rim D 90, its edge a vertical band as high as the wall
-//!        |         |       locating flange D 76, 8 mm below the rim; the lid stands on it
+//!        |         |       locating flange D 76, 10 mm below the rim; the lid stands on it
 //! ```
 
 use std::f64::consts::TAU;

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
+use super::motion::ArmMotion;
 use crate::surface::Mesh;
 
 /// First field of every plan document.
@@ -205,7 +206,7 @@ pub struct GraspInfo {
     /// One a finger.
     pub contacts: Vec<ContactInfo>,
     /// Way of the arm from the approach site to the grasp site and up; `null` when the hand was planned alone.
-    pub arm_trajectory: Option<ArmTrajectoryInfo>,
+    pub arm_motion: Option<ArmMotion>,
 }
 
 /// Quality of a grasp.
@@ -239,29 +240,7 @@ pub struct ContactInfo {
     /// Torsional friction, metres.
     pub torsional_m: f64,
     /// Force of the finger on the object in the squeeze, newtons, object frame.
-    pub squeeze_force: [f64; 3],
-}
-
-/// Joint trajectory of the arm.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ArmTrajectoryInfo {
-    /// Approach site to grasp site, along a straight line.
-    pub approach: Vec<KnotInfo>,
-    /// Grasp site straight up.
-    pub lift: Vec<KnotInfo>,
-}
-
-/// A knot of a joint trajectory; cubic between knots.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct KnotInfo {
-    /// Seconds from the segment's start.
-    pub t_s: f64,
-    /// Joint angles.
-    pub q_rad: [f64; 6],
-    /// Joint speeds.
-    pub qd_rad_per_s: [f64; 6],
+    pub squeeze_force_n: [f64; 3],
 }
 
 impl PlanDocument {

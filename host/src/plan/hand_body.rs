@@ -118,6 +118,13 @@ impl HandBody {
         }));
     }
 
+    /// Mass of one finger, kg.
+    #[must_use]
+    pub fn finger_mass_kg(&self) -> f64 {
+        let masses = &self.model.masses;
+        masses.base.mass_kg + masses.proximal.mass_kg + masses.middle.mass_kg + masses.distal.mass_kg
+    }
+
     /// Upper soft limits of flexion and middle joint, rad: where closing ends.
     #[must_use]
     pub fn flexion_limit_rad(&self) -> [f64; 2] {

@@ -10,6 +10,7 @@ pub mod candidates;
 pub mod closing;
 pub mod document;
 pub mod hand_body;
+pub mod motion;
 pub mod paper;
 pub mod preshape;
 pub mod scene;

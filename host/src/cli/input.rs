@@ -1,0 +1,98 @@
+//! What several commands read: objects by name or file, lengths, files to write.
+
+use std::io::Write;
+use std::path::Path;
+
+use anyhow::{Context, bail};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+
+use crate::io::{Unit, read_mesh};
+use crate::object::{BuiltIn, Object};
+use crate::surface::Mesh;
+
+/// Height of the virtual cell's table in the base frame, metres.
+pub(super) const TABLE_HEIGHT_M: f64 = 0.0;
+
+/// Where objects stand in the virtual cell: in the middle of the annulus in which the arm reaches straight down in
+/// every yaw (0.35 to 0.50 m).
+pub(super) const SPOT_M: [f64; 2] = [0.40, 0.0];
+
+/// Mass that is assumed for an object of unknown mass, kg.
+pub(super) const ASSUMED_MASS_KG: f64 = 0.1;
+
+/// Reads `--unit`.
+pub(super) fn unit(text: &str) -> Result<Unit, String> {
+    text.parse().map_err(|error: crate::io::UnknownName| error.to_string())
+}
+
+/// A number above zero, for arguments.
+pub(super) fn positive(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value > 0.0 => Ok(value),
+        _ => Err("give a number above 0".to_owned()),
+    }
+}
+
+/// A number of zero or more, for arguments.
+pub(super) fn not_negative(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.is_finite() && value >= 0.0 => Ok(value),
+        _ => Err("give a number of 0 or more".to_owned()),
+    }
+}
+
+/// Three numbers separated by commas.
+pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
+    let wrong = || "give three numbers separated by commas".to_owned();
+    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+    match numbers.as_slice() {
+        &[x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok([x, y, z]),
+        _ => Err(wrong()),
+    }
+}
+
+/// A built-in object by its name, or a mesh file, with its warnings printed to stderr.
+pub(super) fn object(name: &str, unit: Unit, mass_kg: Option<f64>, friction: f64) -> anyhow::Result<Object> {
+    if let Some(built_in) = BuiltIn::ALL.into_iter().find(|b| b.name() == name) {
+        let mut object = built_in.object(1.0)?;
+        object.friction = friction;
+        object.mass_kg = mass_kg.unwrap_or(object.mass_kg);
+        return Ok(object);
+    }
+    let path = Path::new(name);
+    if !path.exists() && path.extension().is_none() {
+        // A word without an extension is more likely a name than a path.
+        bail!("{}", crate::object::ObjectError::UnknownName(name.to_owned()));
+    }
+    let loaded = read_mesh(path, unit)?;
+    warn(&loaded.warnings);
+    Ok(Object::new(name, loaded.value, mass_kg.unwrap_or(ASSUMED_MASS_KG), friction))
+}
+
+/// Prints warnings to stderr, a line each.
+pub(super) fn warn(warnings: &[String]) {
+    for warning in warnings {
+        // Nobody is left to tell when stderr is gone.
+        let _ = writeln!(std::io::stderr(), "warning: {warning}");
+    }
+}
+
+/// The pose that stands a mesh, upright in its own z, on the table at the cell's spot.
+pub(super) fn standing_at_spot(mesh: &Mesh) -> Isometry3<f64> {
+    let (low, high) = mesh.bounding_box();
+    let middle = nalgebra::center(&low, &high);
+    Isometry3::from(Translation3::new(SPOT_M[0] - middle.x, SPOT_M[1] - middle.y, TABLE_HEIGHT_M - low.z))
+}
+
+/// Whether a mesh already stands on the cell's table within the arm's reach, as scans in the base frame do.
+pub(super) fn stands_in_cell(mesh: &Mesh) -> bool {
+    let (low, high) = mesh.bounding_box();
+    let middle: Point3<f64> = nalgebra::center(&low, &high);
+    let distance_m = Vector3::new(middle.x, middle.y, 0.0).norm();
+    (low.z - TABLE_HEIGHT_M).abs() < 0.005 && (0.2..0.7).contains(&distance_m)
+}
+
+/// Makes a folder for results, with its parents.
+pub(super) fn make_folder(path: &Path) -> anyhow::Result<()> {
+    std::fs::create_dir_all(path).with_context(|| format!("making folder {}", path.display()))
+}

@@ -1,0 +1,291 @@
+//! `prehend plan`: mesh or cloud -> ranked grasps.
+
+use std::io::Write;
+use std::path::PathBuf;
+use std::time::Instant;
+
+use anyhow::Context;
+use clap::{Args, ValueEnum};
+use nalgebra::{Isometry3, Unit as UnitVector, UnitQuaternion, Vector3};
+use serde_json::json;
+
+use super::input::{self, TABLE_HEIGHT_M};
+use super::planning::{Planned, Planner};
+use super::progress::{bar, spinner};
+use super::{Outcome, reconstruct as reconstruct_command, write_json};
+use crate::io::{Geometry, Unit, read_geometry, write_atomically};
+use crate::object::{BuiltIn, Object};
+use crate::plan::arm::Arm;
+use crate::plan::scene::Scene;
+use crate::plan::search::SearchSettings;
+use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
+
+/// Plan force-closure grasps on a mesh or a cloud
+#[derive(Debug, Clone, Args)]
+#[command(after_help = "Examples:\n  prehend plan mesh.stl -o plan.json\n  prehend plan mug.iv --unit mm -o plan.json --strategy paper\n  prehend plan cloud.pcd -o plan.json --up 0,-1,0 --table none")]
+pub struct PlanArgs {
+    /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .csv, reconstructed first), or a built-in object's name
+    #[arg(value_name = "INPUT")]
+    pub input: String,
+    /// Plan to write, or - for standard output
+    #[arg(short, long, value_name = "PLAN.json")]
+    pub output: PathBuf,
+    /// Search: the paper's of 2005, or the wider one
+    #[arg(long, value_enum, default_value_t)]
+    pub strategy: Strategy,
+    /// Most attempts; 300 for paper, 1000 for best
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    pub attempts: Option<u32>,
+    /// Epsilon at which the paper's search stops
+    #[arg(long, default_value_t = 0.2, value_parser = input::not_negative)]
+    pub threshold: f64,
+    /// Coulomb friction coefficient between fingertips and object
+    #[arg(long, default_value_t = 0.4, value_parser = input::not_negative)]
+    pub friction: f64,
+    /// Mass of the object in kg; by default that of the built-in object, or 0.1
+    #[arg(long, value_name = "KG", value_parser = input::positive)]
+    pub mass: Option<f64>,
+    /// Hand to plan for
+    #[arg(long, value_enum, default_value_t)]
+    pub hand: HandChoice,
+    /// Arm that carries it, or none to plan for the hand alone
+    #[arg(long, value_enum, default_value_t)]
+    pub arm: ArmChoice,
+    /// Height of the table's top in the base frame in metres, or none
+    #[arg(long, value_name = "Z|none", default_value = "0", value_parser = table, allow_hyphen_values = true)]
+    pub table: TableChoice,
+    /// Where the object is: in the base frame as the file has it, at the cell's spot, or whichever of the two fits
+    #[arg(long, value_enum, default_value_t)]
+    pub place: Place,
+    /// Direction in the file's frame that is up when the object is put at the cell's spot; by default +z, and for an open
+    /// surface the side from which it was seen
+    #[arg(long, value_name = "X,Y,Z", value_parser = input::triple, allow_hyphen_values = true)]
+    pub up: Option<[f64; 3]>,
+    /// How many grasps to write, best first
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub top: usize,
+    /// Write all grasps
+    #[arg(long)]
+    pub all: bool,
+    /// Seed of every random choice
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Unit of the file: m or mm
+    #[arg(long, default_value = "m", value_parser = input::unit)]
+    pub unit: Unit,
+    /// Print one JSON document on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `--strategy`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Strategy {
+    /// Eight typical candidates, then small motions about them, until epsilon passes the threshold
+    Paper,
+    /// Approaches from everywhere, refined, ranked by what survives an error of the pose
+    #[default]
+    Best,
+}
+
+impl Strategy {
+    /// The word of the command line.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Paper => "paper",
+            Self::Best => "best",
+        }
+    }
+
+    /// Attempts when none are asked for.
+    #[must_use]
+    pub fn default_attempts(self) -> usize {
+        match self {
+            Self::Paper => 300,
+            Self::Best => 1000,
+        }
+    }
+}
+
+/// `--hand`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum HandChoice {
+    /// The four-finger HIT/DLR hand
+    #[default]
+    HitDlr,
+}
+
+/// `--arm`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum ArmChoice {
+    /// Stäubli RX60
+    #[default]
+    Rx60,
+    /// The hand alone
+    None,
+}
+
+impl ArmChoice {
+    /// The arm that the word stands for.
+    #[must_use]
+    pub fn arm(self) -> Option<Arm> {
+        match self {
+            Self::Rx60 => Some(Arm::rx60()),
+            Self::None => None,
+        }
+    }
+}
+
+/// `--place`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+pub enum Place {
+    /// In the base frame if it stands there within reach, else at the cell's spot
+    #[default]
+    Auto,
+    /// In the base frame, as the file has it
+    Base,
+    /// At the cell's spot, up as --up says
+    Cell,
+}
+
+/// `--table`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum TableChoice {
+    /// A height in the base frame, metres.
+    At(f64),
+    /// No table.
+    None,
+}
+
+fn table(text: &str) -> Result<TableChoice, String> {
+    match (text, text.parse::<f64>()) {
+        ("none", _) => Ok(TableChoice::None),
+        (_, Ok(z)) if z.is_finite() => Ok(TableChoice::At(z)),
+        _ => Err("give a height in metres, or none".to_owned()),
+    }
+}
+
+/// Runs the command.
+pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let to_stdout = args.output.as_os_str() == "-";
+    anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
+    let start = Instant::now();
+    let mut human: Vec<u8> = Vec::new();
+    let object = read_input(args, &mut human)?;
+    let (base_from_object, placing) = place(args, &object.mesh)?;
+    let table_height_m = match args.table {
+        TableChoice::At(z) => Some(z),
+        TableChoice::None => None,
+    };
+    let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, args.arm.arm())
+        .with_context(|| format!("planning on {}", args.input))?;
+    scene.friction = args.friction;
+    let settings = SearchSettings {
+        attempts: args.attempts.map_or(args.strategy.default_attempts(), |n| n as usize),
+        threshold: args.threshold,
+        seed: args.seed,
+    };
+    let progress = bar(settings.attempts, "attempts");
+    let planner = Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings };
+    let top = if args.all { usize::MAX } else { args.top };
+    let planned = planner.plan(top, &|done| progress.set_position(done as u64));
+    progress.finish_and_clear();
+
+    let document = &planned.document;
+    if to_stdout {
+        write_json(out, document)?;
+    } else {
+        write_atomically(&args.output, |writer| {
+            serde_json::to_writer_pretty(&mut *writer, document)?;
+            writeln!(writer)
+        })?;
+        if args.json {
+            write_json(out, &summary(args, &planned, start.elapsed().as_secs_f64()))?;
+        } else {
+            out.write_all(&human)?;
+            writeln!(out, "{placing}")?;
+            planned.describe(out)?;
+            writeln!(out, "wrote {} in {:.2} s", args.output.display(), start.elapsed().as_secs_f64())?;
+        }
+    }
+    Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
+}
+
+fn summary(args: &PlanArgs, planned: &Planned, total_s: f64) -> serde_json::Value {
+    let document = &planned.document;
+    json!({
+        "attempts": document.attempts,
+        "force_closure": document.force_closure,
+        "grasps": document.grasps.len(),
+        "seconds": { "total": total_s, "search": planned.search_s },
+        "best": document.grasps.first().map(|grasp| json!({
+            "epsilon": grasp.quality.epsilon,
+            "strategy": args.strategy.name(),
+            "candidate": grasp.candidate,
+        })),
+        "rejected": document.rejected,
+        "convention": document.convention,
+    })
+}
+
+/// Reads mesh, cloud or built-in object; a cloud is reconstructed and completed first, which is described in `human`.
+fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Object> {
+    if BuiltIn::ALL.iter().any(|b| b.name() == args.input) {
+        return input::object(&args.input, args.unit, args.mass, args.friction);
+    }
+    let loaded = read_geometry(args.input.as_ref(), args.unit)?;
+    input::warn(&loaded.warnings);
+    let mesh = match loaded.value {
+        Geometry::Mesh(mesh) => mesh,
+        Geometry::Cloud(cloud) => {
+            let settings =
+                ReconstructSettings { table: Table::Auto, close: true, seed: args.seed, ..Default::default() };
+            let waiting = spinner("surface");
+            let result =
+                reconstruct(&cloud, &settings).with_context(|| format!("reconstructing {}", args.input))?;
+            waiting.finish_and_clear();
+            reconstruct_command::describe(&result, human)?;
+            result.mesh
+        }
+    };
+    Ok(Object::new(&args.input, mesh, args.mass.unwrap_or(input::ASSUMED_MASS_KG), args.friction))
+}
+
+/// Pose of the mesh's frame in the base frame, and a line that says how it was chosen.
+fn place(args: &PlanArgs, mesh: &Mesh) -> anyhow::Result<(Isometry3<f64>, String)> {
+    let in_base = match args.place {
+        Place::Base => true,
+        Place::Cell => false,
+        Place::Auto => args.up.is_none() && input::stands_in_cell(mesh),
+    };
+    if in_base {
+        return Ok((Isometry3::identity(), "object: in the base frame, where the file has it".to_owned()));
+    }
+    let (up, why) = match args.up {
+        Some(up) => (Vector3::from(up), "as given"),
+        None => seen_side(mesh).map_or((Vector3::z(), "its own z"), |up| (up, "the side it was seen from")),
+    };
+    let up = UnitVector::try_new(up, 1e-9).context("--up: (0, 0, 0) is no direction")?;
+    let upright = UnitQuaternion::rotation_between_axis(&up, &Vector3::z_axis())
+        .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
+    let turned = Isometry3::from_parts(nalgebra::Translation3::identity(), upright);
+    let base_from_object = input::standing_at_spot(&mesh.transformed(&turned)) * turned;
+    let [x, y] = input::SPOT_M;
+    let line = format!(
+        "object: on the table at ({x:.2}, {y:.2}, {TABLE_HEIGHT_M:.2}) m, up is {why} ({:.2}, {:.2}, {:.2})",
+        up.x, up.y, up.z
+    );
+    Ok((base_from_object, line))
+}
+
+/// The direction that an open surface faces on the whole; `None` for a closed one, whose normals cancel.
+fn seen_side(mesh: &Mesh) -> Option<Vector3<f64>> {
+    let mut sum = Vector3::zeros();
+    for face in 0..mesh.faces().len() {
+        let [a, b, c] = mesh.corners(face);
+        sum += 0.5 * (b - a).cross(&(c - a));
+    }
+    // A hole or two leave a small rest; a sheet seen from one side faces there with a good part of its area.
+    (sum.norm() > 0.2 * mesh.area_m2()).then_some(sum)
+}

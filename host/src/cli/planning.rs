@@ -1,0 +1,232 @@
+//! From a scene to a plan document: search, arm's way, grip. Shared by `plan` and `demo`.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::time::Instant;
+
+use hand_model::HandAngles;
+use nalgebra::Vector3;
+use protocol::ids::FINGER_COUNT;
+
+use super::plan::Strategy;
+use crate::exec::{GripContact, GripStiffness, balanced_forces, squeeze_targets};
+use crate::grasp::Convention;
+use crate::object::Object;
+use crate::plan::attempt::{Grasp, Rejection, palm_sites};
+use crate::plan::candidates::typical;
+use crate::plan::document::{
+    ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION, array,
+    frames, mesh_hash, posture, text_hash,
+};
+use crate::plan::motion::arm_motion;
+use crate::plan::scene::Scene;
+use crate::plan::search::{SearchResult, SearchSettings};
+use crate::plan::{best, paper};
+
+/// Share of the friction coefficient that the squeeze itself may use; the rest is left for weight and disturbances.
+const SQUEEZE_CONE_SHARE: f64 = 0.5;
+
+/// Safety on the grip that holds the weight by friction alone.
+const GRIP_SAFETY: f64 = 3.0;
+
+/// Least and greatest mean normal force of a finger in the squeeze, newtons: below one the sensors' noise counts, and
+/// the tips give 10 continuously.
+const FINGER_FORCE_N: [f64; 2] = [1.5, 6.0];
+
+/// A search to be made.
+pub(super) struct Planner<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) object: &'a Object,
+    pub(super) strategy: Strategy,
+    pub(super) settings: &'a SearchSettings,
+}
+
+/// A plan and what it took.
+pub(super) struct Planned {
+    pub(super) document: PlanDocument,
+    /// The grasps of the document, in its order.
+    pub(super) grasps: Vec<Grasp>,
+    pub(super) search_s: f64,
+    attempts_to_threshold: Option<usize>,
+    threshold: f64,
+}
+
+impl Planner<'_> {
+    /// Searches and writes at most `top` grasps that the arm can also make.
+    pub(super) fn plan(&self, top: usize, progress: &dyn Fn(usize)) -> Planned {
+        let start = Instant::now();
+        let result = match self.strategy {
+            Strategy::Paper => paper::search(self.scene, self.settings, progress),
+            Strategy::Best => best::search(self.scene, self.settings, progress),
+        };
+        let search_s = start.elapsed().as_secs_f64();
+        let mut rejected: BTreeMap<String, usize> = Rejection::ALL
+            .iter()
+            .zip(result.rejected)
+            .filter(|&(_, count)| count > 0)
+            .map(|(reason, count)| (reason.name().to_owned(), count))
+            .collect();
+        let (mut infos, mut grasps) = (Vec::new(), Vec::new());
+        for grasp in &result.grasps {
+            if infos.len() >= top {
+                break;
+            }
+            match self.grasp_info(grasp) {
+                Ok(info) => {
+                    infos.push(info);
+                    grasps.push(grasp.clone());
+                }
+                Err(reason) => *rejected.entry(reason.to_owned()).or_default() += 1,
+            }
+        }
+        Planned {
+            document: self.document(&result, rejected, infos),
+            grasps,
+            search_s,
+            attempts_to_threshold: result.attempts_to_threshold,
+            threshold: self.settings.threshold,
+        }
+    }
+
+    fn document(
+        &self,
+        result: &SearchResult,
+        rejected: BTreeMap<String, usize>,
+        grasps: Vec<GraspInfo>,
+    ) -> PlanDocument {
+        let scene = self.scene;
+        PlanDocument {
+            format: FORMAT.to_owned(),
+            version: VERSION,
+            frames: frames(),
+            hand: HandInfo {
+                name: "hit-dlr".to_owned(),
+                // The parameters print in full precision, so that no two hands share a text.
+                sha256: text_hash(&format!("{:?}", scene.hand.model)),
+            },
+            arm: scene.arm.as_ref().map(|arm| arm.params().name.clone()),
+            object: ObjectInfo {
+                source: self.object.name.clone(),
+                mesh_sha256: mesh_hash(&scene.mesh),
+                triangles: scene.mesh.faces().len(),
+                watertight: scene.mesh.is_watertight(),
+                base_from_object: (&scene.base_from_object).into(),
+                center_of_mass: array(&scene.center_of_mass),
+                torque_scale_m: scene.wrench_reference.torque_scale_m(),
+                mass_kg: self.object.mass_kg,
+                friction: scene.friction,
+            },
+            table_height_m: scene.table_height_m,
+            settings: SettingsInfo {
+                strategy: self.strategy.name().to_owned(),
+                attempts: self.settings.attempts,
+                threshold: self.settings.threshold,
+                seed: self.settings.seed,
+            },
+            convention: Convention::of(&scene.quality, &scene.wrench_reference).to_string(),
+            attempts: result.attempts,
+            force_closure: result.grasps.len(),
+            rejected,
+            grasps,
+        }
+    }
+
+    /// Adds the arm's way and the squeeze. Errors with the reason, in the words of the rejection counts.
+    fn grasp_info(&self, grasp: &Grasp) -> Result<GraspInfo, &'static str> {
+        let scene = self.scene;
+        let arm_motion = match &scene.arm {
+            Some(arm) => Some(
+                arm_motion(scene, arm, &grasp.site, self.object.mass_kg).map_err(|_| "no-arm-motion")?,
+            ),
+            None => None,
+        };
+        let (squeeze, forces) = self.squeeze(grasp).ok_or("no-balanced-grip")?;
+        let [approach, site, lift] = palm_sites(scene, &grasp.site);
+        let quality = &grasp.quality;
+        let contacts = grasp.contacts.iter().zip(&forces).map(|(touch, force)| ContactInfo {
+            finger: touch.finger.name().to_owned(),
+            link: touch.link.name().to_owned(),
+            point: array(&touch.contact.point_in_object()),
+            normal: touch.contact.inward_normal_in_object().into_inner().into(),
+            friction: touch.contact.friction(),
+            torsional_m: touch.contact.torsional_m(),
+            squeeze_force_n: (*force).into(),
+        });
+        Ok(GraspInfo {
+            candidate: typical()[grasp.candidate].name.to_owned(),
+            quality: QualityInfo {
+                epsilon: quality.epsilon(),
+                epsilon_low: quality.epsilon_low,
+                epsilon_high: quality.epsilon_high,
+                expected_epsilon: grasp.expected_epsilon,
+            },
+            object_from_palm: (&grasp.site.object_from_palm).into(),
+            approach_site: (&approach).into(),
+            grasp_site: (&site).into(),
+            lift_site: (&lift).into(),
+            pregrasp: posture(&grasp.pregrasp),
+            grasp: posture(&grasp.grasp),
+            squeeze: posture(&squeeze),
+            contacts: contacts.collect(),
+            arm_motion,
+        })
+    }
+
+    /// Joint targets that press, and the forces on the object in its frame.
+    fn squeeze(&self, grasp: &Grasp) -> Option<(HandAngles<f64>, Vec<Vector3<f64>>)> {
+        let scene = self.scene;
+        let contacts: Vec<GripContact> = grasp
+            .contacts
+            .iter()
+            .map(|touch| GripContact {
+                finger: touch.finger,
+                point: touch.contact.point_in_object(),
+                inward_normal: touch.contact.inward_normal_in_object(),
+            })
+            .collect();
+        // The weight hangs on friction: the sum of normal forces times mu carries it.
+        let weight_n = self.object.mass_kg * 9.81;
+        let [least_n, most_n] = FINGER_FORCE_N.map(|n| n * contacts.len() as f64);
+        let grip_n = (GRIP_SAFETY * weight_n / scene.friction.max(0.05)).clamp(least_n, most_n);
+        let forces = [SQUEEZE_CONE_SHARE, 1.0]
+            .iter()
+            .find_map(|share| balanced_forces(&contacts, share * scene.friction, grip_n).ok())?;
+        let palm_from_object = grasp.site.object_from_palm.rotation.inverse();
+        let mut in_palm = [None; FINGER_COUNT];
+        for (contact, force) in contacts.iter().zip(&forces) {
+            in_palm[contact.finger.index()] = Some(palm_from_object * force);
+        }
+        let squeeze = squeeze_targets(&scene.hand.model, &grasp.grasp, &in_palm, &GripStiffness::default());
+        Some((squeeze, forces))
+    }
+}
+
+impl Planned {
+    /// What was found, in lines for people.
+    pub(super) fn describe(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let document = &self.document;
+        writeln!(
+            out,
+            "planned {} attempts in {:.2} s ({}): {} force-closure grasps",
+            document.attempts, self.search_s, document.settings.strategy, document.force_closure
+        )?;
+        if let Some(attempt) = self.attempts_to_threshold {
+            writeln!(out, "epsilon passed {} at attempt {attempt}", self.threshold)?;
+        }
+        if !document.rejected.is_empty() {
+            let reasons: Vec<String> =
+                document.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
+            writeln!(out, "rejected: {}", reasons.join(", "))?;
+        }
+        match document.grasps.first() {
+            Some(best) => {
+                write!(out, "best: {}, epsilon {:.4}", best.candidate, best.quality.epsilon)?;
+                if let Some(expected) = best.quality.expected_epsilon {
+                    write!(out, ", {expected:.4} expected under pose errors")?;
+                }
+                writeln!(out, " ({})", document.convention)
+            }
+            None => writeln!(out, "no grasp to execute"),
+        }
+    }
+}
