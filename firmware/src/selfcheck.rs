@@ -3,7 +3,7 @@
 //! Plans are checked on the host with the firmware's own library, so a board whose compiler, floating-point unit or
 //! mathematics library rounds otherwise must show before it moves a finger.
 
-use hand_model::{FingerAngles, FingerTrig, HandModel, links, tip, tip_jacobian};
+use hand_model::{FingerAngles, FingerTrig, HandModel, TipInverse, inverse_trig, links, tip, tip_jacobian};
 use nalgebra::IsometryMatrix3;
 use protocol::ids::FingerId;
 
@@ -49,7 +49,7 @@ impl Lcg {
     }
 }
 
-/// Digest of tips, Jacobians, links and finger bases over 2000 poses within the hard limits, drawn with `seed`.
+/// Digest of tips and their inverses, Jacobians, links and finger bases over 2000 poses within the hard limits, drawn with `seed`.
 ///
 /// ```
 /// use firmware::selfcheck::kinematics_digest;
@@ -66,7 +66,13 @@ pub fn kinematics_digest(seed: u32) -> u64 {
     for _ in 0..POSES {
         let angles = ranges.map(|range| random.between(range.lower_rad, range.upper_rad));
         let trig = FingerTrig::new(&FingerAngles::from_array(&angles), sin_cos);
-        digest.numbers(&tip(&hand.finger, &trig).coords);
+        let tip_in_base = tip(&hand.finger, &trig);
+        digest.numbers(&tip_in_base.coords);
+        if let TipInverse::Reached(poses) = inverse_trig(&hand.finger, &tip_in_base) {
+            for (sin, cos) in poses.iter().flat_map(|pose| [pose.abduction, pose.flexion, pose.middle]) {
+                digest.numbers(&[sin, cos]);
+            }
+        }
         digest.numbers(&tip_jacobian(&hand.finger, &trig));
         let links = links(&hand.finger, &trig);
         for link in [&links.proximal, &links.middle, &links.distal] {
