@@ -1,0 +1,275 @@
+//! One control period of the whole hand.
+
+use hand_model::{FingerGeometry, HandLimits, HandModel};
+use protocol::ids::{FINGER_COUNT, FingerId, FingerJoint, JOINT_COUNT, JOINTS_PER_FINGER, JointId};
+
+use super::friction::{FrictionModel, compensation_nm};
+use super::impedance::{FingerMotion, TipImpedance, tip_torque};
+use super::limits::{Limit, all_finite, clamp_torque};
+use super::pd::{PdGains, torque_nm};
+
+/// Everything that stays the same from one period to the next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// Lengths of every finger.
+    pub finger: FingerGeometry<f32>,
+    /// The mechanism's range; targets are moved into it.
+    pub limits: HandLimits<f32>,
+    /// The thumb's spring and damper in [`ThumbMode::Impedance`].
+    pub thumb: TipImpedance,
+    /// Joint gains: abduction, flexion, middle.
+    pub joint: [PdGains; JOINTS_PER_FINGER],
+    /// Friction to compensate at every joint.
+    pub friction: FrictionModel,
+    /// Most torque for abduction, flexion, middle.
+    pub torque_max_nm: [f32; JOINTS_PER_FINGER],
+    /// Gain of the inner loop on the strain gauges, 0 or more: it divides drive friction by one more than itself.
+    pub torque_gain: f32,
+    /// Cut-off of the strain gauges' filter. The drive's elasticity resonates at 34 Hz, so this stays below.
+    pub torque_filter_rad_per_s: f32,
+    /// Cut-off of the speed estimate.
+    pub velocity_filter_rad_per_s: f32,
+}
+
+impl Config {
+    /// Gains for the HIT/DLR hand.
+    ///
+    /// The thumb is the compliant side of a grasp (300 N/m to the pad: 3 N at 10 mm), the other fingers are stiffer. Gains
+    /// are assumed, around those identified for the DLR Hand II (3.69 N m/rad, 0.25 N m s/rad; ICRA 2022).
+    #[must_use]
+    pub fn hit_dlr() -> Self {
+        Self::new(&HandModel::hit_dlr())
+    }
+
+    /// The same gains with another hand's lengths, ranges and limits.
+    #[must_use]
+    pub fn new(model: &HandModel<f32>) -> Self {
+        Self {
+            finger: model.finger,
+            limits: model.hard_limits,
+            thumb: TipImpedance {
+                stiffness_n_per_m: [500.0, 500.0, 300.0],
+                damping_n_s_per_m: [10.0, 10.0, 8.0],
+                force_max_n: model.drive.tip_force_max_n,
+            },
+            joint: [PdGains { stiffness_nm_per_rad: 6.0, damping_nm_s_per_rad: 0.12 }; 3],
+            friction: FrictionModel {
+                coulomb_nm: model.drive.coulomb_friction_nm,
+                viscous_nm_s_per_rad: model.drive.viscous_friction_nm_s_per_rad,
+                knee_rad_per_s: 0.02,
+                share: 0.8,
+            },
+            torque_max_nm: model.drive.torque_max_nm,
+            torque_gain: 0.5,
+            torque_filter_rad_per_s: 125.0,
+            velocity_filter_rad_per_s: 125.0,
+        }
+    }
+}
+
+/// Which law moves the thumb.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ThumbMode {
+    /// Joint by joint, as the other fingers.
+    #[default]
+    Position,
+    /// As a spring and a damper at its tip.
+    Impedance,
+}
+
+/// What the sensors say. Joints are in the order of `JointId`, fingers in that of `FingerId`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sensors {
+    /// Joint angles.
+    pub position_rad: [f32; JOINT_COUNT],
+    /// Strain gauges: the torque that the drive passes on to its joint.
+    pub joint_torque_nm: [f32; JOINT_COUNT],
+    /// Force, then torque, on each fingertip, axes of the distal link, N and N m. The control laws do not need it; it is
+    /// here because it is sampled with the others and reported with them.
+    pub tip_wrench: [[f32; 6]; FINGER_COUNT],
+}
+
+/// What is asked of the hand, in the order of `JointId`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// Joint angles. An angle beyond what an object lets through is a push.
+    pub position_rad: [f32; JOINT_COUNT],
+    /// Their speeds.
+    pub velocity_rad_per_s: [f32; JOINT_COUNT],
+    /// Torques to add, for example against gravity.
+    pub feed_forward_nm: [f32; JOINT_COUNT],
+    /// The thumb's law.
+    pub thumb_mode: ThumbMode,
+}
+
+impl Target {
+    /// Stay at these angles.
+    #[must_use]
+    pub fn hold(position_rad: [f32; JOINT_COUNT], thumb_mode: ThumbMode) -> Self {
+        let zero = [0.0; JOINT_COUNT];
+        Self { position_rad, velocity_rad_per_s: zero, feed_forward_nm: zero, thumb_mode }
+    }
+}
+
+/// What one period leaves for the next.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct State {
+    /// Measurements of the last period; `None` before the first.
+    last: Option<Measured>,
+    /// The last target that was a target.
+    good_target: Option<Target>,
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Measured {
+    position_rad: [f32; JOINT_COUNT],
+    velocity_rad_per_s: [f32; JOINT_COUNT],
+    torque_nm: [f32; JOINT_COUNT],
+    /// Whether the joint's sensors gave numbers.
+    good: [bool; JOINT_COUNT],
+}
+
+impl State {
+    /// Filtered joint speeds, rad/s; zero before the first period.
+    #[must_use]
+    pub fn velocity_rad_per_s(&self) -> [f32; JOINT_COUNT] {
+        self.last.map_or([0.0; JOINT_COUNT], |measured| measured.velocity_rad_per_s)
+    }
+}
+
+/// What the drives are to give, in the order of `JointId`. Always finite.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Torques {
+    /// Joint torques. The thumb's rotation is moved between grasps and braked, so its entry is 0.
+    pub nm: [f32; JOINT_COUNT],
+    /// Why a joint got less than the law asked.
+    pub limits: [Limit; JOINT_COUNT],
+}
+
+/// One control period of `dt_s`.
+#[must_use]
+pub fn step(config: &Config, state: &mut State, sensors: &Sensors, target: &Target, dt_s: f32) -> Torques {
+    let mut torques = Torques { nm: [0.0; JOINT_COUNT], limits: [Limit::None; JOINT_COUNT] };
+    torques.limits[JointId::THUMB_ROTATION.index()] = Limit::Braked;
+    if !(dt_s.is_finite() && dt_s > 0.0) {
+        torques.limits[1..].fill(Limit::BadInput);
+        return torques;
+    }
+    let measured = measure(config, state.last.as_ref(), sensors, dt_s);
+    state.last = Some(measured);
+    let (target, target_is_good) = choose_target(state, &measured, target);
+    for finger in FingerId::ALL {
+        let joints = first_joint(finger)..first_joint(finger) + JOINTS_PER_FINGER;
+        if measured.good[joints.clone()].contains(&false) {
+            torques.limits[joints].fill(Limit::BadInput);
+            continue;
+        }
+        let (nm, limits) = finger_torques(config, finger, &measured, &target);
+        for (k, joint) in joints.enumerate() {
+            torques.nm[joint] = nm[k];
+            torques.limits[joint] =
+                if limits[k] == Limit::None && !target_is_good { Limit::BadTarget } else { limits[k] };
+        }
+    }
+    torques
+}
+
+/// Index of a finger's abduction in arrays of joints.
+fn first_joint(finger: FingerId) -> usize {
+    1 + finger.index() * JOINTS_PER_FINGER
+}
+
+/// Speeds from a filtered difference, torques through a first-order filter. A joint starts at rest, and anew after its
+/// sensors gave no number: a difference over the gap would be a speed that never was.
+fn measure(config: &Config, last: Option<&Measured>, sensors: &Sensors, dt_s: f32) -> Measured {
+    let share = |cut_off: f32| cut_off * dt_s / (1.0 + cut_off * dt_s);
+    let (fast, slow) = (share(config.velocity_filter_rad_per_s), share(config.torque_filter_rad_per_s));
+    let mut now = Measured {
+        position_rad: sensors.position_rad,
+        velocity_rad_per_s: [0.0; JOINT_COUNT],
+        torque_nm: sensors.joint_torque_nm,
+        good: [false; JOINT_COUNT],
+    };
+    for joint in 0..JOINT_COUNT {
+        now.good[joint] =
+            sensors.position_rad[joint].is_finite() && sensors.joint_torque_nm[joint].is_finite();
+        if let Some(last) = last
+            && now.good[joint]
+            && last.good[joint]
+        {
+            let speed = (now.position_rad[joint] - last.position_rad[joint]) / dt_s;
+            let (old_speed, old_torque) = (last.velocity_rad_per_s[joint], last.torque_nm[joint]);
+            now.velocity_rad_per_s[joint] = old_speed + fast * (speed - old_speed);
+            now.torque_nm[joint] = old_torque + slow * (now.torque_nm[joint] - old_torque);
+        }
+    }
+    now
+}
+
+/// The target if it is one, else the last that was, else to stay where the joints are; and whether it is the new one.
+fn choose_target(state: &mut State, measured: &Measured, target: &Target) -> (Target, bool) {
+    let good = all_finite(&target.position_rad)
+        && all_finite(&target.velocity_rad_per_s)
+        && all_finite(&target.feed_forward_nm);
+    if good {
+        state.good_target = Some(*target);
+        return (*target, true);
+    }
+    let held = state.good_target.unwrap_or_else(|| Target::hold(measured.position_rad, target.thumb_mode));
+    // A speed that nobody renews must not go on.
+    (Target { velocity_rad_per_s: [0.0; JOINT_COUNT], ..held }, false)
+}
+
+fn finger_torques(
+    config: &Config,
+    finger: FingerId,
+    measured: &Measured,
+    target: &Target,
+) -> ([f32; JOINTS_PER_FINGER], [Limit; JOINTS_PER_FINGER]) {
+    let first = first_joint(finger);
+    let pick = |joints: &[f32; JOINT_COUNT]| [joints[first], joints[first + 1], joints[first + 2]];
+    let is = FingerMotion {
+        angle_rad: pick(&measured.position_rad),
+        speed_rad_per_s: pick(&measured.velocity_rad_per_s),
+    };
+    let mut should = FingerMotion {
+        angle_rad: pick(&target.position_rad),
+        speed_rad_per_s: pick(&target.velocity_rad_per_s),
+    };
+    let mut limits = [Limit::None; JOINTS_PER_FINGER];
+    for (k, joint) in FingerJoint::ALL.into_iter().enumerate() {
+        let range = config.limits.range(JointId::of(finger, joint));
+        if !range.contains(should.angle_rad[k]) {
+            should.angle_rad[k] = range.clamp(should.angle_rad[k]);
+            limits[k] = Limit::Position;
+        }
+    }
+    let asked;
+    if finger == FingerId::Thumb && target.thumb_mode == ThumbMode::Impedance {
+        let spring = tip_torque(&config.finger, &config.thumb, &is, &should);
+        asked = spring.torque_nm;
+        if spring.force_limited {
+            limits.fill(Limit::TipForce);
+        }
+    } else {
+        asked = core::array::from_fn(|k| {
+            let position_error = should.angle_rad[k] - is.angle_rad[k];
+            torque_nm(&config.joint[k], position_error, should.speed_rad_per_s[k] - is.speed_rad_per_s[k])
+        });
+    }
+    let mut nm = [0.0; JOINTS_PER_FINGER];
+    for k in 0..JOINTS_PER_FINGER {
+        let wanted = asked[k] + target.feed_forward_nm[first + k];
+        let loss = compensation_nm(&config.friction, should.speed_rad_per_s[k]);
+        let given = wanted + config.torque_gain * (wanted - measured.torque_nm[first + k]) + loss;
+        let (clamped, limit) = clamp_torque(given, config.torque_max_nm[k]);
+        nm[k] = clamped;
+        if limit != Limit::None {
+            limits[k] = limit;
+        }
+    }
+    (nm, limits)
+}
+
+#[cfg(test)]
+mod tests;
