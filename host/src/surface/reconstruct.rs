@@ -16,7 +16,7 @@ use super::{
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
-    table::{Plane, find_table},
+    table::{Plane, TableTop, find_table},
     tangent::{Tangent, tangents},
     thin::{Thinned, thin},
 };
@@ -347,12 +347,13 @@ fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, Reconstruct
     let table = match settings.table {
         Table::None => None,
         Table::Auto => find_table(&thinned, spacing.max(0.002 * extent), settings.seed),
-        Table::Plane(plane) => Some(plane),
+        Table::Plane(plane) => Some(TableTop::endless(plane)),
     };
     let margin = settings.table_margin_m.unwrap_or_else(|| spacing.max(0.001));
-    let height = |p: &Point3<f64>| table.map_or(f64::INFINITY, |table| table.height(p));
+    let carried = |p: &Point3<f64>| table.is_none_or(|table| table.carries(p, margin));
+    let on_table = |p: &Point3<f64>| table.is_some_and(|table| table.plane.height(p).abs() <= margin);
     let above: Vec<u32> =
-        (0..thinned.len() as u32).filter(|&i| height(&thinned.points[i as usize]) > margin).collect();
+        (0..thinned.len() as u32).filter(|&i| carried(&thinned.points[i as usize])).collect();
     enough(cloud, above.len(), "removing the table")?;
     let mut keep = vec![false; thinned.len()];
     let points: Vec<Point3<f64>> = above.iter().map(|&i| thinned.points[i as usize]).collect();
@@ -364,10 +365,10 @@ fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, Reconstruct
     // The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
     let sights = scene.views.iter().flatten().zip(&scene.points).zip(&voxel_of);
     let sights = sights
-        .filter(|((_, point), voxel)| keep[**voxel as usize] || height(point).abs() <= margin)
+        .filter(|((_, point), voxel)| keep[**voxel as usize] || on_table(point))
         .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
         .collect();
-    Ok(Cleaned { object, sights, table })
+    Ok(Cleaned { object, sights, table: table.map(|table| table.plane) })
 }
 
 /// Errors when the points vary along one direction at most.

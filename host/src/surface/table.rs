@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Translation3, Unit, U
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::cloud::PointCloud;
+use super::{cloud::PointCloud, outlier::quantile};
 
 /// A plane `normal . p = offset_m`; of a table, the normal points to the side that objects stand on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,16 +42,63 @@ const ATTEMPTS: usize = 400;
 const SCORED: usize = 2000;
 /// Least share of the cloud on the table.
 const LEAST_SHARE: f64 = 0.15;
-/// Largest share of the cloud below the table.
-const LARGEST_BELOW: f64 = 0.02;
+/// Most points below the table within its outline, as a share of the points on it.
+const MOST_BELOW: f64 = 0.02;
+/// Fewest points that make something standing on the table.
+const FEWEST_ABOVE: usize = 10;
+/// Share of the outline's sides by which it shrinks before the rest is judged: the walls of a box stand on its rim.
+const RIM: f64 = 0.1;
+
+/// A table and its extent.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TableTop {
+    /// The table's plane, normal to the objects' side.
+    pub plane: Plane,
+    /// Corners of the rectangle about the points on the table, x and y of [`Plane::plane_from_cloud`], metres.
+    pub outline: [[f64; 2]; 2],
+}
+
+impl TableTop {
+    /// A table without edges.
+    #[must_use]
+    pub const fn endless(plane: Plane) -> Self {
+        Self { plane, outline: [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]] }
+    }
+
+    /// Whether a point lies above the table by more than `margin_m`, and not beside it as a far wall does.
+    #[must_use]
+    pub fn carries(&self, point: &Point3<f64>, margin_m: f64) -> bool {
+        let point = self.plane.plane_from_cloud() * point;
+        point.z > margin_m && within(&self.outline, &point)
+    }
+
+    /// Whether nine tenths of what the table carries spread less along both its sides than nine tenths of it do.
+    fn is_wider_than_rest(&self, points: &[Point3<f64>], tolerance_m: f64) -> bool {
+        let turn = self.plane.plane_from_cloud();
+        let (rest, on): (Vec<Point3<f64>>, Vec<Point3<f64>>) = points
+            .iter()
+            .map(|p| turn * p)
+            .filter(|p| p.z > -2.0 * tolerance_m && within(&self.outline, p))
+            .partition(|p| p.z > 2.0 * tolerance_m);
+        let spread = |points: &[Point3<f64>], axis: usize| {
+            let value = |share: f64| quantile(points.iter().map(|p| p[axis]).collect(), share);
+            value(0.95) - value(0.05)
+        };
+        (0..2).all(|axis| spread(&rest, axis) < spread(&on, axis))
+    }
+}
+
+fn within([low, high]: &[[f64; 2]; 2], point: &Point3<f64>) -> bool {
+    (0..2).all(|axis| (low[axis]..=high[axis]).contains(&point[axis]))
+}
 
 /// Looks for the table: the plane with the most points within `tolerance_m` (RANSAC, then least squares), if it is a
 /// table at all.
 ///
-/// A side of a box is also a plane with many points. What makes a plane a table is that the rest stands on its front,
-/// the side that the sensor saw, and that it is wider than what stands on it.
+/// A side of a box, too, is a plane with many points. On a table something stands, on the side that the sensor saw,
+/// and nothing is seen below it. Only what lies within the plane's outline counts: a room goes on beside the table.
 #[must_use]
-pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Plane> {
+pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<TableTop> {
     let points = &cloud.points;
     if points.len() < 3 {
         return None;
@@ -76,8 +123,18 @@ pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Pla
     for _ in 0..2 {
         plane = refit(points.iter().filter(|p| plane.height(p).abs() < tolerance_m))?;
     }
-    let plane = facing_sensor(plane, cloud, tolerance_m);
-    is_table(&plane, points, tolerance_m).then_some(plane)
+    let flipped = Plane { normal: -plane.normal, offset_m: -plane.offset_m };
+    match &cloud.views {
+        Some(views) => {
+            let seen_from_front = views.iter().map(|view| view.dot(&plane.normal)).sum::<f64>() > 0.0;
+            table_top(if seen_from_front { &plane } else { &flipped }, points, tolerance_m)
+        }
+        // Either side may be the front. A box seen from within is then told from a table by what stands there:
+        // it reaches from rim to rim.
+        None => [plane, flipped].iter().find_map(|side| {
+            table_top(side, points, tolerance_m).filter(|top| top.is_wider_than_rest(points, tolerance_m))
+        }),
+    }
 }
 
 fn refit<'a>(points: impl Iterator<Item = &'a Point3<f64>> + Clone) -> Option<Plane> {
@@ -89,39 +146,24 @@ fn refit<'a>(points: impl Iterator<Item = &'a Point3<f64>> + Clone) -> Option<Pl
     Some(Plane { normal, offset_m: normal.dot(&mean) })
 }
 
-/// Turns the plane so that lines of sight leave it on its front; without them, so that more points are in front.
-fn facing_sensor(plane: Plane, cloud: &PointCloud, tolerance_m: f64) -> Plane {
-    let balance: f64 = match &cloud.views {
-        Some(views) => views.iter().map(|view| view.dot(&plane.normal)).sum(),
-        None => {
-            let heights = cloud.points.iter().map(|p| plane.height(p));
-            heights.filter(|h| h.abs() > tolerance_m).map(f64::signum).sum()
-        }
-    };
-    if balance < 0.0 { Plane { normal: -plane.normal, offset_m: -plane.offset_m } } else { plane }
-}
-
-fn is_table(plane: &Plane, points: &[Point3<f64>], tolerance_m: f64) -> bool {
+/// The table on this side of the plane, if it is one.
+fn table_top(plane: &Plane, points: &[Point3<f64>], tolerance_m: f64) -> Option<TableTop> {
     let turn = plane.plane_from_cloud();
-    let (mut on, mut below, mut above) = (Vec::new(), 0_usize, Vec::new());
-    for point in points.iter().map(|p| turn * p) {
-        if point.z > tolerance_m {
-            above.push(point);
-        } else if point.z < -2.0 * tolerance_m {
-            below += 1;
-        } else {
-            on.push(point);
-        }
+    let points: Vec<Point3<f64>> = points.iter().map(|p| turn * p).collect();
+    let on: Vec<&Point3<f64>> = points.iter().filter(|p| p.z.abs() <= 2.0 * tolerance_m).collect();
+    if (on.len() as f64) < LEAST_SHARE * points.len() as f64 {
+        return None;
     }
-    let all = points.len() as f64;
-    if (on.len() as f64) < LEAST_SHARE * all || below as f64 > LARGEST_BELOW * all || above.is_empty() {
-        return false;
-    }
-    let size = |points: &[Point3<f64>]| {
-        super::cloud::bounding_box(points).map_or_else(Vector3::zeros, |(low, high)| high - low)
-    };
-    let (table, rest) = (size(&on), size(&above));
-    table.x > rest.x && table.y > rest.y
+    let side = |axis: usize, share: f64| quantile(on.iter().map(|p| p[axis]).collect(), share);
+    let outline = [0.0, 1.0].map(|share| [0, 1].map(|axis| side(axis, share)));
+    let [low, high] = [0.02, 0.98].map(|share| [0, 1].map(|axis| side(axis, share)));
+    let rim = [0, 1].map(|axis| RIM * (high[axis] - low[axis]));
+    let core = [[low[0] + rim[0], low[1] + rim[1]], [high[0] - rim[0], high[1] - rim[1]]];
+    let inside = || points.iter().filter(|p| within(&core, p));
+    let above = inside().filter(|p| p.z > 2.0 * tolerance_m).count();
+    let below = inside().filter(|p| p.z < -2.0 * tolerance_m).count();
+    let is_table = above >= FEWEST_ABOVE && below as f64 <= MOST_BELOW * on.len() as f64;
+    is_table.then_some(TableTop { plane: *plane, outline })
 }
 
 #[cfg(test)]
@@ -145,7 +187,10 @@ mod tests {
     #[test]
     fn finds_a_tilted_table_and_its_upper_side() {
         let turn = Isometry3::new(Vector3::new(0.3, -0.2, 0.9), Vector3::new(2.0, 0.4, -0.3));
-        let plane = find_table(&scene(&turn), 0.001, 1).unwrap();
+        let top = find_table(&scene(&turn), 0.001, 1).unwrap();
+        let plane = top.plane;
+        assert!(top.carries(&(turn * Point3::new(0.1, 0.1, 0.05)), 0.01));
+        assert!(!top.carries(&(turn * Point3::new(0.1, 0.3, 0.05)), 0.01));
         assert!(plane.normal.dot(&(turn.rotation * Vector3::z())) > 0.9999);
         assert!(plane.height(&(turn * Point3::new(0.1, 0.1, 0.05))) > 0.049);
         let mapped = plane.plane_from_cloud() * (turn * Point3::new(0.1, 0.1, 0.05));
