@@ -3,6 +3,8 @@
 //! Data flows one way: scan -> surface -> grasp/plan -> exec -> link. `twin` is the only module that may import the
 //! firmware library; see `docs/architecture.md` for the arrows and `docs/conventions.md` for frames and units.
 
+#[cfg(feature = "twin")]
+pub mod cli;
 pub mod exec;
 pub mod grasp;
 pub mod io;

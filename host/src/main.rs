@@ -1,2 +1,7 @@
-//! x
-fn main() {}
+//! The `prehend` command: parse, run, exit status.
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    ExitCode::from(host::cli::main(std::env::args_os()))
+}

@@ -44,7 +44,8 @@ pub(super) fn not_negative(text: &str) -> Result<f64, String> {
 /// Three numbers separated by commas.
 pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     let wrong = || "give three numbers separated by commas".to_owned();
-    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
+    let numbers: Vec<f64> =
+        text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
     match numbers.as_slice() {
         &[x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok([x, y, z]),
         _ => Err(wrong()),

@@ -22,7 +22,9 @@ use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
 
 /// Plan force-closure grasps on a mesh or a cloud
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Examples:\n  prehend plan mesh.stl -o plan.json\n  prehend plan mug.iv --unit mm -o plan.json --strategy paper\n  prehend plan cloud.pcd -o plan.json --up 0,-1,0 --table none")]
+#[command(
+    after_help = "Examples:\n  prehend plan mesh.stl -o plan.json\n  prehend plan mug.iv --unit mm -o plan.json --strategy paper\n  prehend plan cloud.pcd -o plan.json --up 0,-1,0 --table none"
+)]
 pub struct PlanArgs {
     /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .csv, reconstructed first), or a built-in object's name
     #[arg(value_name = "INPUT")]
@@ -239,8 +241,12 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Object> {
     let mesh = match loaded.value {
         Geometry::Mesh(mesh) => mesh,
         Geometry::Cloud(cloud) => {
-            let settings =
-                ReconstructSettings { table: Table::Auto, close: true, seed: args.seed, ..Default::default() };
+            let settings = ReconstructSettings {
+                table: Table::Auto,
+                close: true,
+                seed: args.seed,
+                ..Default::default()
+            };
             let waiting = spinner("surface");
             let result =
                 reconstruct(&cloud, &settings).with_context(|| format!("reconstructing {}", args.input))?;

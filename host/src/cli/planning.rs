@@ -15,8 +15,8 @@ use crate::object::Object;
 use crate::plan::attempt::{Grasp, Rejection, palm_sites};
 use crate::plan::candidates::typical;
 use crate::plan::document::{
-    ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION, array,
-    frames, mesh_hash, posture, text_hash,
+    ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION,
+    array, frames, mesh_hash, posture, text_hash,
 };
 use crate::plan::motion::arm_motion;
 use crate::plan::scene::Scene;
@@ -135,9 +135,9 @@ impl Planner<'_> {
     fn grasp_info(&self, grasp: &Grasp) -> Result<GraspInfo, &'static str> {
         let scene = self.scene;
         let arm_motion = match &scene.arm {
-            Some(arm) => Some(
-                arm_motion(scene, arm, &grasp.site, self.object.mass_kg).map_err(|_| "no-arm-motion")?,
-            ),
+            Some(arm) => {
+                Some(arm_motion(scene, arm, &grasp.site, self.object.mass_kg).map_err(|_| "no-arm-motion")?)
+            }
             None => None,
         };
         let (squeeze, forces) = self.squeeze(grasp).ok_or("no-balanced-grip")?;

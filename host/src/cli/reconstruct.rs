@@ -15,7 +15,9 @@ use crate::surface::{Closing, Plane, Reconstruction, Settings, Table, reconstruc
 
 /// Reconstruct the surface that a cloud samples, by Hoppe's method
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Examples:\n  prehend reconstruct cloud.ply -o mesh.stl --table 0 --close\n  prehend reconstruct kinect.pcd -o mesh.ply --crop -0.1,-0.1,0.5,0.1,0.1,0.9 --table auto")]
+#[command(
+    after_help = "Examples:\n  prehend reconstruct cloud.ply -o mesh.stl --table 0 --close\n  prehend reconstruct kinect.pcd -o mesh.ply --crop -0.1,-0.1,0.5,0.1,0.1,0.9 --table auto"
+)]
 pub struct ReconstructArgs {
     /// Cloud to read (.ply .pcd .xyz .txt .csv)
     #[arg(value_name = "CLOUD")]

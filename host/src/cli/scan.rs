@@ -12,12 +12,16 @@ use super::{Outcome, write_json};
 use crate::io::{CloudFormat, Unit, write_cloud, write_cloud_to};
 use crate::object::Object;
 use crate::plan::arm::{Arm, Inverse};
-use crate::scan::{Instrument, Scan, SweepPlan, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere};
+use crate::scan::{
+    Instrument, Scan, SweepPlan, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere,
+};
 use crate::surface::{Mesh, Plane};
 
 /// Sweep an object with the laser scanner and write the cloud in the robot's base frame
 #[derive(Debug, Clone, Args)]
-#[command(after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd")]
+#[command(
+    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd"
+)]
 pub struct ScanArgs {
     /// Object in the virtual cell: teacup-cover, cube, cylinder, mouse, disk, or a mesh file (stood upright in its own z)
     #[arg(long = "virtual", value_name = "OBJECT")]
@@ -132,7 +136,10 @@ pub(super) fn sweep(mesh: &Mesh, settings: &SweepSettings, seed: u64) -> anyhow:
     let arm = Arm::rx60();
     let scanner_from_palm = palm_from_scanner().inverse();
     let reachable = |base_from_scanner: &Isometry3<f64>| {
-        matches!(arm.palm_solutions_near(&(base_from_scanner * scanner_from_palm), &[0.0; 6]), Inverse::Solutions(_))
+        matches!(
+            arm.palm_solutions_near(&(base_from_scanner * scanner_from_palm), &[0.0; 6]),
+            Inverse::Solutions(_)
+        )
     };
     let (center, radius_m): (Point3<f64>, f64) = target_sphere(mesh);
     let instrument = Instrument::default();

@@ -97,7 +97,8 @@ fn load_limits(scene: &Scene, arm: &Arm, object_kg: f64) -> Result<MotionLimits,
     let hand_kg = scene.hand.model.palm_mass_kg + 4.0 * scene.hand.finger_mass_kg() + SCANNER_KG;
     let object_at = Point3::new(0.0, 0.0, scene.hand.model.grasp_centre_in_palm.z);
     let mass_kg = hand_kg + object_kg;
-    let center = (Point3::new(0.0, 0.0, LOAD_CENTER_M).coords * hand_kg + object_at.coords * object_kg) / mass_kg;
+    let center =
+        (Point3::new(0.0, 0.0, LOAD_CENTER_M).coords * hand_kg + object_at.coords * object_kg) / mass_kg;
     let payload = Payload {
         mass_kg,
         center_in_flange: Point3::from(center),

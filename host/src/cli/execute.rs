@@ -1,0 +1,252 @@
+//! `prehend execute`: run a plan on the twin.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use anyhow::{Context, bail, ensure};
+use clap::Args;
+use hand_model::{HandAngles, HandModel};
+use nalgebra::Isometry3;
+use serde_json::{Value, json};
+
+use super::{Outcome, input, write_json};
+use crate::exec::{Event, EventKind, Execution, ExecutionPlan, ExecutionSettings, Verdict, execute};
+use crate::io::{Unit, write_atomically};
+use crate::link::ThumbLaw;
+use crate::object::Object;
+use crate::plan::document::{GraspInfo, PlanDocument, hand_angles, mesh_hash};
+use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin};
+
+/// Largest plan document that is read, bytes.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Friction of bare links and of the table on the object: metal and wood on plastic (assumed).
+const LINK_FRICTION: f64 = 0.3;
+const TABLE_FRICTION: f64 = 0.4;
+
+/// Execute a grasp of a plan: approach, close, squeeze, lift, hold
+#[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6"
+)]
+pub struct ExecuteArgs {
+    /// Plan to execute, as `prehend plan` writes it
+    #[arg(value_name = "PLAN.json")]
+    pub plan: PathBuf,
+    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws
+    #[arg(long, default_value = "twin", value_parser = link)]
+    pub link: LinkChoice,
+    /// Which grasp of the plan, 1 is the best
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    pub grasp: u32,
+    /// What really stands there: a built-in object or a mesh file in the frame of the plan's mesh; by default the plan's
+    /// own source
+    #[arg(long, value_name = "OBJECT")]
+    pub object: Option<String>,
+    /// True friction between fingertips and object; by default what the plan counts on
+    #[arg(long, value_parser = input::not_negative)]
+    pub friction: Option<f64>,
+    /// True mass in kg; by default what the plan counts on
+    #[arg(long, value_name = "KG", value_parser = input::positive)]
+    pub mass: Option<f64>,
+    /// Seed of the sensors' noise
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Unit of the object's mesh file: m or mm
+    #[arg(long, default_value = "m", value_parser = input::unit)]
+    pub unit: Unit,
+    /// Record of the run to write
+    #[arg(short, long, value_name = "RUN.json")]
+    pub output: Option<PathBuf>,
+    /// Print one JSON document on standard output
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// `--link`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum LinkChoice {
+    /// The simulated hand.
+    Twin,
+}
+
+fn link(text: &str) -> Result<LinkChoice, String> {
+    match text {
+        "twin" => Ok(LinkChoice::Twin),
+        _ => Err("give twin".to_owned()),
+    }
+}
+
+/// What stands in the cell, in truth.
+pub(super) struct Truth {
+    pub(super) object: Object,
+    pub(super) base_from_object: Isometry3<f64>,
+    pub(super) table_height_m: Option<f64>,
+}
+
+/// Runs the command.
+pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let document = read_plan(&args.plan).with_context(|| format!("reading {}", args.plan.display()))?;
+    let count = document.grasps.len();
+    ensure!(count > 0, "{} has no grasp to execute", args.plan.display());
+    let Some(grasp) = document.grasps.get(args.grasp as usize - 1) else {
+        bail!("--grasp {}: the plan has {count}", args.grasp);
+    };
+    let truth = truth(args, &document)?;
+    let LinkChoice::Twin = args.link;
+    let execution = on_twin(&document, grasp, &truth, args.seed)?;
+    if let Some(path) = &args.output {
+        write_record(path, &execution)?;
+    }
+    if args.json {
+        write_json(out, &summary(&execution))?;
+    } else {
+        describe(&execution, out)?;
+    }
+    Ok(if execution.verdict == Verdict::Held { Outcome::Done } else { Outcome::No })
+}
+
+fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
+    let metadata = std::fs::metadata(path)?;
+    ensure!(metadata.is_file(), "not a file");
+    ensure!(metadata.len() <= MAX_BYTES, "{} bytes are more than a plan has", metadata.len());
+    let document: PlanDocument = serde_json::from_str(&std::fs::read_to_string(path)?)?;
+    document.check()?;
+    Ok(document)
+}
+
+/// The object that really stands there: as asked for, or the one that was planned on, which must be unchanged.
+fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
+    let planned = &document.object;
+    let friction = args.friction.unwrap_or(planned.friction);
+    let mut object = match &args.object {
+        Some(name) => input::object(name, args.unit, args.mass, friction)?,
+        None => {
+            let beside = args.plan.parent().map(|folder| folder.join(&planned.source));
+            let source = match beside {
+                // The plan may have been moved together with its mesh.
+                Some(beside) if !Path::new(&planned.source).exists() && beside.exists() => {
+                    beside.to_string_lossy().into_owned()
+                }
+                _ => planned.source.clone(),
+            };
+            let object = input::object(&source, args.unit, None, friction)
+                .with_context(|| "reading the object that was planned on (--object names another)")?;
+            ensure!(
+                mesh_hash(&object.mesh) == planned.mesh_sha256,
+                "{source} is not the mesh that was planned on (--object names another; --unit its unit)"
+            );
+            object
+        }
+    };
+    object.mass_kg =
+        args.mass.unwrap_or(if args.object.is_some() { object.mass_kg } else { planned.mass_kg });
+    let base_from_object = if args.object.is_some() && input::stands_in_cell(&object.mesh) {
+        Isometry3::identity()
+    } else if args.object.is_some() {
+        input::standing_at_spot(&object.mesh)
+    } else {
+        planned.base_from_object.to_isometry("base_from_object")?
+    };
+    Ok(Truth { object, base_from_object, table_height_m: document.table_height_m })
+}
+
+/// Executes one grasp on the simulated hand.
+pub(super) fn on_twin(
+    document: &PlanDocument,
+    grasp: &GraspInfo,
+    truth: &Truth,
+    seed: u64,
+) -> anyhow::Result<Execution> {
+    let plan = ExecutionPlan {
+        approach_site: grasp.approach_site.to_isometry("approach_site")?,
+        grasp_site: grasp.grasp_site.to_isometry("grasp_site")?,
+        pregrasp: hand_angles(&grasp.pregrasp, "pregrasp")?,
+        grasp: hand_angles(&grasp.grasp, "grasp")?,
+        squeeze: hand_angles(&grasp.squeeze, "squeeze")?,
+        friction: document.object.friction,
+        thumb: ThumbLaw::Impedance,
+    };
+    let hand: HandModel<f64> = HandModel::hit_dlr();
+    let open: HandAngles<f64> = plan.pregrasp;
+    let object = &truth.object;
+    let scene = Scene {
+        hand,
+        base_from_palm: plan.approach_site,
+        angles: open,
+        object: Some(ObjectBody::new(
+            &object.mesh,
+            object.convex_pieces(),
+            truth.base_from_object,
+            object.mass_kg,
+        )),
+        table_height_m: truth.table_height_m,
+        friction: Friction { tip: object.friction, link: LINK_FRICTION, table: TABLE_FRICTION },
+        gravity: crate::twin::plant::GRAVITY,
+    };
+    let mut twin = Twin::new(&scene, SensorParameters::hit_dlr(), seed)?;
+    Ok(execute(&hand, &plan, &ExecutionSettings::default(), &mut twin)?)
+}
+
+/// Writes what happened and the trace.
+pub(super) fn write_record(path: &Path, execution: &Execution) -> anyhow::Result<()> {
+    let mut record = summary(execution);
+    if let Value::Object(fields) = &mut record {
+        let trace: Vec<Value> = execution
+            .trace
+            .iter()
+            .map(|sample| {
+                json!({
+                    "time_s": sample.time_s,
+                    "phase": format!("{:?}", sample.phase).to_lowercase(),
+                    "palm_position": <[f64; 3]>::from(sample.base_from_palm.translation.vector),
+                    "commanded_rad": sample.commanded_rad,
+                    "measured_rad": sample.measured_rad,
+                    "tip_force_n": sample.tip_force_n,
+                    "object_position": sample.base_from_object.map(|pose| <[f64; 3]>::from(pose.translation.vector)),
+                })
+            })
+            .collect();
+        fields.insert("trace".to_owned(), Value::Array(trace));
+    }
+    write_atomically(path, |writer| {
+        serde_json::to_writer(&mut *writer, &record)?;
+        writeln!(writer)
+    })?;
+    Ok(())
+}
+
+fn summary(execution: &Execution) -> Value {
+    json!({
+        "verdict": execution.verdict.name(),
+        "lift_height_m": execution.lift_height_m,
+        "slip_m": execution.slip_m,
+        "duration_s": execution.duration_s,
+        "events": execution.events.iter().map(|event| json!({
+            "time_s": event.time_s,
+            "event": event_name(event),
+        })).collect::<Vec<_>>(),
+    })
+}
+
+fn event_name(event: &Event) -> String {
+    match event.kind {
+        EventKind::Phase(phase) => format!("{phase:?}").to_lowercase(),
+        kind => format!("{kind:?}"),
+    }
+}
+
+/// How it went, in lines for people.
+pub(super) fn describe(execution: &Execution, out: &mut dyn Write) -> std::io::Result<()> {
+    let events: Vec<String> =
+        execution.events.iter().map(|e| format!("{:.2} s {}", e.time_s, event_name(e))).collect();
+    writeln!(out, "executed {:.1} s: {}", execution.duration_s, events.join(", "))?;
+    if let Some(lift_m) = execution.lift_height_m {
+        write!(out, "the object rose {:.1} mm", lift_m * 1e3)?;
+        match execution.slip_m {
+            Some(slip_m) => writeln!(out, " and moved {:.1} mm in the hand", slip_m * 1e3)?,
+            None => writeln!(out)?,
+        }
+    }
+    writeln!(out, "verdict: {}", execution.verdict.name())
+}
