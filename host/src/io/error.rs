@@ -210,7 +210,7 @@ pub enum Problem {
     #[error("{0}")]
     Unsupported(&'static str),
     /// Compressed data that do not decompress.
-    #[error("compressed points: {0}")]
+    #[error("the compressed points do not decompress: {0}")]
     Compression(lzf::LzfError),
     /// A cloud without a single usable point.
     #[error("holds no point with finite coordinates")]
