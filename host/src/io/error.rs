@@ -23,6 +23,14 @@ pub enum IoError {
         /// The directory.
         path: PathBuf,
     },
+    /// The directory that a file shall be written into does not exist.
+    #[error("{}: there is no directory {}", .path.display(), .folder.display())]
+    NoFolder {
+        /// The file to be written.
+        path: PathBuf,
+        /// The missing directory.
+        folder: PathBuf,
+    },
     /// The file has no byte.
     #[error("{}: the file is empty", .path.display())]
     Empty {

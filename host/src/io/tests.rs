@@ -354,6 +354,8 @@ fn files_appear_whole_or_not_at_all() {
         unknown.ends_with("unknown extension: meshes are written as .ply .stl .obj .off .iv"),
         "{unknown}"
     );
+    let astray = write_mesh(&folder.path().join("none/a.ply"), &mesh).unwrap_err().to_string();
+    assert!(astray.contains("a.ply: there is no directory ") && astray.ends_with("none"), "{astray}");
     assert!(write_cloud(folder.path(), &cloud(1, false, false)).is_err());
     assert!(matches!(write_atomically(folder.path(), |_| Ok(())), Err(IoError::Directory { .. })));
     #[cfg(unix)]
