@@ -284,3 +284,55 @@ fn many_shapes_over_one_list_of_coordinates_make_only_the_vertices_they_use() {
     assert!(mesh.is_watertight());
     assert_eq!(mesh.vertices().len(), 4);
 }
+
+/// All transformation nodes at once, against the flattened scene that `ivfix -a -n -t -f` of SGI's Open Inventor 2.1.5
+/// (Debian package inventor-clients) writes.
+#[test]
+fn composed_transformations_agree_with_open_inventor() {
+    let mesh = inventor(
+        "Separator {
+          Transform { translation 0.1 0.2 0.3 rotation 0.3 0.5 0.7 1.1 scaleFactor 1.5 0.7 2
+            scaleOrientation 1 0.2 0.1 0.6 center 0.05 -0.1 0.2 }
+          Separator {
+            MatrixTransform { matrix 0 1 0 0 -1 0 0 0 0 0 1 0 0.1 0.2 0.25 1 }
+            Scale { scaleFactor 1 2 1 }
+            Cube { width 0.1 height 0.2 depth 0.3 }
+          }
+          RotationXYZ { axis Y angle 0.4 }
+          Units { units CENTIMETERS }
+          Translation { translation 3 0 0 }
+          Cube { width 5 height 10 depth 1 }
+          Units { units METERS }
+          Coordinate3 { point [ 0 0 0, 0.1 0 0, 0 0.1 0, 0.1 0.1 0, 0.05 0.03 0.2 ] }
+          TriangleStripSet { numVertices [ 5 ] }
+        }",
+    );
+    let expected = [
+        [0.0462447, 0.0161039, 0.784525],
+        [0.375851, 0.482047, 0.587986],
+        [-0.0563881, 0.0860418, 0.796445],
+        [0.273218, 0.551985, 0.599906],
+        [-0.471031, 0.21206, 0.524913],
+        [-0.141425, 0.678003, 0.328373],
+        [-0.368399, 0.142122, 0.512992],
+        [-0.0387924, 0.608065, 0.316453],
+        [-0.312505, 0.237192, 0.360613],
+        [-0.209873, 0.167254, 0.348692],
+        [-0.301469, 0.299016, 0.320361],
+        [-0.198836, 0.229078, 0.308441],
+        [-0.317408, 0.298349, 0.313938],
+        [-0.214775, 0.228411, 0.302018],
+        [-0.328445, 0.236525, 0.354189],
+        [-0.225812, 0.166587, 0.342269],
+        [-0.26364, 0.232802, 0.331315],
+        [-0.241567, 0.35645, 0.250812],
+        [-0.366273, 0.30274, 0.343236],
+        [-0.344199, 0.426388, 0.262733],
+        [0.0353919, 0.32895, 0.423104],
+    ];
+    assert_eq!(mesh.vertices().len(), expected.len());
+    for place in expected.map(Point3::from) {
+        // Six digits are printed.
+        assert!(mesh.vertices().iter().any(|vertex| (vertex - place).norm() < 2e-6), "{place}");
+    }
+}
