@@ -101,8 +101,8 @@ impl RawMesh {
 
     /// The mesh in metres, without faces that have no area and without vertices that belong to no face.
     ///
-    /// Vertices at exactly the same place are joined where that closes edges: STL has nothing but loose triangles, and
-    /// other exporters split vertices where colour or normals jump. A closed surface that is inside out is turned.
+    /// Vertices at exactly the same place are joined where that closes edges. A closed surface that is inside out is
+    /// turned.
     pub(super) fn finish(mut self, unit: Unit) -> Result<Loaded<Mesh>, Fault> {
         for (index, vertex) in self.vertices.iter_mut().enumerate() {
             if let Some(&value) = vertex.coords.iter().find(|c| !c.is_finite()) {
@@ -124,15 +124,7 @@ impl RawMesh {
         if dropped > 0 {
             warnings.push(format!("{dropped} faces without area were dropped"));
         }
-        let open = mesh.open_edges();
-        if open > 0
-            && let Some((vertices, faces)) = welded(&mesh)
-        {
-            let joined = Mesh::new(vertices, faces).map_err(whole_file)?;
-            if joined.open_edges() < open {
-                mesh = joined;
-            }
-        }
+        mesh = closed_as_far_as_joining_helps(mesh);
         if mesh.is_watertight() && mesh.signed_volume_m3() < 0.0 {
             mesh = mesh.flipped();
             warnings.push("the closed surface was inside out: its faces were turned".to_owned());
@@ -168,8 +160,26 @@ fn used_only(
     vertices.into_iter().zip(used).filter(|(_, used)| *used).map(|(vertex, _)| vertex).collect()
 }
 
-/// The mesh with vertices of equal bits joined, in order of first use; `None` when all are different.
-fn welded(mesh: &Mesh) -> Option<(Vec<Point3<f64>>, Vec<[u32; 3]>)> {
+/// Joins vertices at the same place when that leaves fewer open edges: STL has nothing but loose triangles, and other
+/// exporters split vertices where colour or normals jump.
+fn closed_as_far_as_joining_helps(mesh: Mesh) -> Mesh {
+    let open = mesh.open_edges();
+    if open == 0 {
+        return mesh;
+    }
+    let (vertices, joined) = welded(&mesh);
+    let unfolded = without_folds(&joined);
+    [joined, unfolded]
+        .into_iter()
+        .filter_map(|faces| Mesh::new(vertices.clone(), faces).ok())
+        .map(|candidate| (candidate.open_edges(), candidate))
+        .filter(|(left, _)| *left < open)
+        .min_by_key(|(left, _)| *left)
+        .map_or(mesh, |(_, candidate)| candidate)
+}
+
+/// Vertices of equal bits joined, in order of first use, and the faces over them.
+fn welded(mesh: &Mesh) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
     let mut index_of_place: HashMap<[u64; 3], u32> = HashMap::with_capacity(mesh.vertices().len());
     let mut vertices = Vec::new();
     let joined: Vec<u32> = mesh
@@ -183,10 +193,27 @@ fn welded(mesh: &Mesh) -> Option<(Vec<Point3<f64>>, Vec<[u32; 3]>)> {
             })
         })
         .collect();
-    if vertices.len() == mesh.vertices().len() {
-        return None;
+    (vertices, mesh.faces().iter().map(|face| face.map(|index| joined[index as usize])).collect())
+}
+
+/// The faces without pairs on the same corners that are turned against each other. Decimation leaves such folds: they
+/// enclose nothing, and their edges have four faces where a surface has two.
+fn without_folds(faces: &[[u32; 3]]) -> Vec<[u32; 3]> {
+    let from_least = |[a, b, c]: [u32; 3]| match a.min(b).min(c) {
+        least if least == a => [a, b, c],
+        least if least == b => [b, c, a],
+        _ => [c, a, b],
+    };
+    let mut kept = vec![true; faces.len()];
+    let mut waiting: HashMap<[u32; 3], Vec<usize>> = HashMap::with_capacity(faces.len());
+    for (index, &face) in faces.iter().enumerate() {
+        let [a, b, c] = from_least(face);
+        match waiting.get_mut(&[a, c, b]).and_then(Vec::pop) {
+            Some(opposite) => (kept[index], kept[opposite]) = (false, false),
+            None => waiting.entry([a, b, c]).or_default().push(index),
+        }
     }
-    Some((vertices, mesh.faces().iter().map(|face| face.map(|index| joined[index as usize])).collect()))
+    faces.iter().zip(kept).filter(|(_, kept)| *kept).map(|(face, _)| *face).collect()
 }
 
 /// Points as they stand in a file; positions may be NaN.

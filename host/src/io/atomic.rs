@@ -29,6 +29,9 @@ pub fn write_atomically(
         Some(parent) if !parent.as_os_str().is_empty() => parent.to_owned(),
         _ => PathBuf::from("."),
     };
+    if !folder.is_dir() {
+        return Err(IoError::NoFolder { path: path.to_owned(), folder });
+    }
     let mut builder = tempfile::Builder::new();
     builder.prefix(".prehend-");
     // A temporary file is private by default; what it becomes here is an ordinary file, as the umask wants it.

@@ -23,6 +23,14 @@ pub enum IoError {
         /// The directory.
         path: PathBuf,
     },
+    /// The directory that a file shall be written into does not exist.
+    #[error("{}: there is no directory {}", .path.display(), .folder.display())]
+    NoFolder {
+        /// The file to be written.
+        path: PathBuf,
+        /// The missing directory.
+        folder: PathBuf,
+    },
     /// The file has no byte.
     #[error("{}: the file is empty", .path.display())]
     Empty {
@@ -210,7 +218,7 @@ pub enum Problem {
     #[error("{0}")]
     Unsupported(&'static str),
     /// Compressed data that do not decompress.
-    #[error("compressed points: {0}")]
+    #[error("the compressed points do not decompress: {0}")]
     Compression(lzf::LzfError),
     /// A cloud without a single usable point.
     #[error("holds no point with finite coordinates")]

@@ -57,7 +57,7 @@ impl Format {
         } else if head.starts_with(b"\x1f\x8b") || text.starts_with("#Inventor") || text.starts_with("#VRML")
         {
             Some(Self::Inventor)
-        } else if text.starts_with("# .PCD") || text.starts_with("VERSION ") || text.starts_with("FIELDS ") {
+        } else if text.starts_with("# .PCD") || is_pcd(text) {
             Some(Self::Pcd)
         } else if super::off::mark_length(first_line).is_some() {
             Some(Self::Off)
@@ -251,6 +251,11 @@ impl FromStr for Unit {
             _ => Err(UnknownName { word: word.to_owned(), known: "m, mm" }),
         }
     }
+}
+
+fn is_pcd(text: &str) -> bool {
+    let first = super::text::Lines::new(text, 0).next().and_then(|(_, line)| line.split_whitespace().next());
+    matches!(first, Some("VERSION" | "FIELDS"))
 }
 
 fn lower_extension(path: &Path) -> String {

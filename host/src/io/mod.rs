@@ -12,8 +12,9 @@
 //! | PCD (ascii, binary, binary_compressed) | | read, write |
 //! | columns (XYZ, TXT, CSV) | | read, write |
 //!
-//! PLY, STL, OBJ and OFF are read here and not by crates. `tobj` and `stl_io` name no line in their errors, read single
-//! precision, and `stl_io` takes every file that begins with "solid " for text; `ply-rs-bw` allocates a map per element.
+//! The readers are written here and not taken from crates, because an error must name the line and a count must not be
+//! believed: `tobj` and `stl_io` name no line and round to single precision, `stl_io` takes every file that begins with
+//! "solid " for text, and `ply-rs-bw` makes a map per vertex. LZF is the crate `lzf`'s.
 
 mod assemble;
 mod atomic;

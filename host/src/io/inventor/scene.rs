@@ -13,54 +13,16 @@ use super::{Dialect, primitives, shapes, transform};
 const MAX_EXPANSION: usize = 2_000_000;
 
 /// Nodes that carry no surface; others that are not known are reported.
-const SILENT: [&str; 46] = [
-    "Appearance",
-    "AsciiText",
-    "BaseColor",
-    "ClipPlane",
-    "Color",
-    "Complexity",
-    "DirectionalLight",
-    "DrawStyle",
-    "Environment",
-    "Event",
-    "FontStyle",
-    "Font",
-    "Fog",
-    "Background",
-    "ImageTexture",
-    "IndexedLineSet",
-    "Info",
-    "Label",
-    "LightModel",
-    "LineSet",
-    "Material",
-    "MaterialBinding",
-    "NavigationInfo",
-    "Normal",
-    "NormalBinding",
-    "OrthographicCamera",
-    "OrientationInterpolator",
-    "PerspectiveCamera",
-    "PickStyle",
-    "PixelTexture",
-    "PointLight",
-    "PointSet",
-    "PolygonOffset",
-    "PositionInterpolator",
-    "Script",
-    "SpotLight",
-    "Text2",
-    "Texture2",
-    "Texture2Transform",
-    "TextureCoordinate",
-    "TextureCoordinate2",
-    "TextureCoordinateBinding",
-    "TimeSensor",
-    "TouchSensor",
-    "Viewpoint",
-    "WorldInfo",
-];
+const SILENT: &str = "\
+    Appearance AsciiText AudioClip Background BaseColor ClipPlane Color ColorInterpolator Complexity \
+    CoordinateInterpolator CylinderSensor DirectionalLight DrawStyle Environment Event Fog Font \
+    FontStyle ImageTexture IndexedLineSet Info Label LightModel LineSet Material MaterialBinding \
+    MovieTexture NavigationInfo Normal NormalBinding NormalInterpolator OrientationInterpolator \
+    OrthographicCamera PackedColor PerspectiveCamera PickStyle PixelTexture PlaneSensor PointLight \
+    PointSet PolygonOffset PositionInterpolator ProximitySensor ScalarInterpolator Script Sound \
+    SphereSensor SpotLight Text Text2 Texture2 Texture2Transform TextureCoordinate TextureCoordinate2 \
+    TextureCoordinateBinding TextureTransform TimeSensor TouchSensor Viewpoint VisibilitySensor \
+    WorldInfo";
 
 /// What nodes inherit from those before them.
 #[derive(Debug, Clone)]
@@ -179,7 +141,7 @@ impl<'d, 'a> Scene<'d, 'a> {
             kind => {
                 if !shapes::add(self, node, state)?
                     && !primitives::add(self, node, state)?
-                    && !SILENT.contains(&kind)
+                    && !SILENT.split(' ').any(|silent| silent == kind)
                 {
                     self.skip(kind, node.line);
                 }

@@ -68,11 +68,13 @@ struct Faces<'s, 'd, 'a> {
 impl Faces<'_, '_, '_> {
     fn indexed_faces(&mut self) -> Result<(), Fault> {
         let indices = self.indices("coordIndex")?;
+        self.make_in_order(&indices)?;
         runs(&indices).try_for_each(|run| self.push(run))
     }
 
     fn indexed_strips(&mut self) -> Result<(), Fault> {
         let indices = self.indices("coordIndex")?;
+        self.make_in_order(&indices)?;
         runs(&indices).try_for_each(|run| self.push_strip(run))
     }
 
@@ -93,6 +95,17 @@ impl Faces<'_, '_, '_> {
                 false => Err(self.node.fault(Problem::NotWhole(number.to_string()))),
             })
             .collect()
+    }
+
+    /// Makes the vertices that are used in the order in which the file has them. Indices without a coordinate are left
+    /// for the face that names them to report.
+    fn make_in_order(&mut self, indices: &[i64]) -> Result<(), Fault> {
+        let vertices = (self.coordinates.len() / 3) as i64;
+        let mut used: Vec<i64> =
+            indices.iter().copied().filter(|index| (0..vertices).contains(index)).collect();
+        used.sort_unstable();
+        used.dedup();
+        used.into_iter().try_for_each(|index| self.vertex(index, self.place(0)).map(|_| ()))
     }
 
     /// Runs of coordinates in their own order, as `numVertices` cuts them; -1 takes the rest.
