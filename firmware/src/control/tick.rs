@@ -62,7 +62,7 @@ impl Config {
             torque_max_nm: model.drive.torque_max_nm,
             torque_gain: 0.5,
             torque_filter_rad_per_s: 125.0,
-            velocity_filter_rad_per_s: 190.0,
+            velocity_filter_rad_per_s: 125.0,
         }
     }
 }
