@@ -1,1 +1,16 @@
-//! (to be described)
+//! From a plan to a held object: motion of palm and fingers, grip, slip reflex, verdict.
+//!
+//! Knows the hand only through [`Link`](crate::link::Link), so the same code drives the simulated hand and the real one.
+mod grip;
+mod monitor;
+mod outcome;
+mod plan;
+mod profile;
+mod run;
+
+pub use grip::{GripContact, GripError, GripStiffness, balanced_forces, squeeze_targets};
+pub use monitor::{FeltContact, Monitor, MonitorConfig, Touch, felt_contact};
+pub use outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
+pub use plan::{ExecutionPlan, ExecutionSettings};
+pub use profile::{Progress, rest_to_rest};
+pub use run::{ExecutionError, execute};
