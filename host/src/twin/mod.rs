@@ -1,1 +1,23 @@
-//! (to be described)
+//! The hand that is not there: a simulated plant with sensors, and the firmware's control laws running on it.
+//!
+//! [`plant`] is the physics (hand, object and table in the rapier engine) and knows nothing of the firmware; [`Twin`] runs
+//! the production control laws on the plant's sensors, in this process and on virtual time, and is the default
+//! [`Link`](crate::link::Link). The plant shares no dynamics with the controller: the controller has none.
+//!
+//! What the plant leaves out: the elasticity of the drives, contacts of the hand with itself, rolling and torsional
+//! friction of the rubber, and the arm's own dynamics (the palm goes exactly where it is sent).
+mod convert;
+mod embedded;
+mod hand;
+mod object;
+pub mod plant;
+mod sensors;
+mod surface;
+
+pub use embedded::{TICK_S, Twin};
+pub use object::ObjectBody;
+pub use plant::{Friction, Plant, PlantError, Scene};
+pub use sensors::SensorParameters;
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,317 @@
+//! Closed forms that the plant has to meet, and the whole chain lifting a cube.
+
+use hand_model::{FingerAngles, FingerInverse, FingerTrig, HandAngles, HandModel, inverse_angles, tip};
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Unit, UnitQuaternion, Vector3, convert};
+use protocol::ids::{FingerId, JOINT_COUNT};
+
+use super::plant::{Drive, GRAVITY, STEP_S};
+use super::*;
+use crate::exec::{
+    Execution, ExecutionPlan, ExecutionSettings, GripContact, GripStiffness, Verdict, balanced_forces,
+    execute, squeeze_targets,
+};
+use crate::link::{Command, Link, ThumbLaw};
+use crate::surface::Mesh;
+
+fn box_mesh(size: [f64; 3]) -> Mesh {
+    let corner = |i: usize, axis: usize| if i >> axis & 1 == 0 { -0.5 } else { 0.5 } * size[axis];
+    let vertices = (0..8).map(|i| Point3::new(corner(i, 0), corner(i, 1), corner(i, 2))).collect();
+    let faces = [
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
+    ];
+    Mesh::new(vertices, faces.to_vec()).unwrap()
+}
+
+fn box_object(size: [f64; 3], center: Vector3<f64>, mass_kg: f64) -> ObjectBody {
+    let mesh = box_mesh(size);
+    ObjectBody::new(&mesh, vec![mesh.vertices().to_vec()], Isometry3::from(center), mass_kg)
+}
+
+/// A hand far above everything.
+fn scene(object: Option<ObjectBody>) -> Scene {
+    Scene {
+        hand: HandModel::hit_dlr(),
+        base_from_palm: Isometry3::translation(0.0, 0.0, 5.0),
+        angles: HandAngles::from_array(&[0.2; JOINT_COUNT]),
+        object,
+        table_height_m: Some(0.0),
+        friction: Friction { tip: 0.6, link: 0.15, table: 0.4 },
+        gravity: GRAVITY,
+    }
+}
+
+fn run_free(plant: &mut Plant, base_from_palm: Isometry3<f64>, time_s: f64) {
+    let drive = Drive { torque_nm: [0.0; JOINT_COUNT], thumb_rotation_rad: 0.2, base_from_palm };
+    for _ in 0..(time_s / STEP_S).round() as usize {
+        plant.step(&drive);
+    }
+}
+
+#[test]
+fn a_box_has_its_closed_form_inertia() {
+    let object = box_object([0.03, 0.05, 0.08], Vector3::new(1.0, 2.0, 3.0), 0.6);
+    let expected = Matrix3::from_diagonal(&Vector3::new(
+        0.05f64.powi(2) + 0.08f64.powi(2),
+        0.03f64.powi(2) + 0.08f64.powi(2),
+        0.03f64.powi(2) + 0.05f64.powi(2),
+    )) * 0.05;
+    assert!((object.inertia_kg_m2 - expected).norm() < 1e-15, "{}", object.inertia_kg_m2);
+    assert!(object.center_of_mass.coords.norm() < 1e-15);
+}
+
+#[test]
+fn an_object_falls_freely() {
+    let scene = scene(Some(box_object([0.05; 3], Vector3::new(0.5, 0.0, 1.0), 0.06)));
+    let mut plant = Plant::new(&scene).unwrap();
+    run_free(&mut plant, scene.base_from_palm, 0.3);
+    let fallen = 1.0 - plant.base_from_object().unwrap().translation.z;
+    let expected = 0.5 * 9.80665 * 0.09;
+    assert!((fallen - expected).abs() < 0.005 * expected, "{fallen} m");
+}
+
+#[test]
+fn a_block_slips_at_the_angle_of_friction() {
+    // Gravity is turned instead of the table. Friction 0.4: atan 0.4 = 21.8 degrees.
+    for (share, slides) in [(0.97, false), (1.03, true)] {
+        let angle = 0.4f64.atan() * share;
+        let mut scene = scene(Some(box_object([0.06, 0.06, 0.03], Vector3::new(0.5, 0.0, 0.015), 0.1)));
+        scene.gravity = Rotation3::from_axis_angle(&Vector3::y_axis(), -angle) * GRAVITY;
+        let mut plant = Plant::new(&scene).unwrap();
+        run_free(&mut plant, scene.base_from_palm, 1.0);
+        let way = plant.base_from_object().unwrap().translation.x - 0.5;
+        let expected = if slides { 0.5 * 9.80665 * (angle.sin() - 0.4 * angle.cos()) } else { 0.0 };
+        assert!((way.abs() - expected).abs() < 2e-3 + 0.05 * expected, "{share}: {way} m, not {expected}");
+    }
+}
+
+/// Commands of a resting palm.
+fn command(position_rad: [f64; JOINT_COUNT], base_from_palm: Isometry3<f64>, thumb: ThumbLaw) -> Command {
+    let zero = [0.0; JOINT_COUNT];
+    Command { position_rad, velocity_rad_per_s: zero, feed_forward_nm: zero, thumb, base_from_palm }
+}
+
+#[test]
+fn fingers_settle_at_their_targets_and_the_linkage_holds() {
+    let mut scene = scene(None);
+    scene.gravity = Vector3::zeros();
+    let mut twin = Twin::new(&scene, SensorParameters::ideal(), 1).unwrap();
+    let mut target = [0.5; JOINT_COUNT];
+    for finger in 0..4 {
+        target[1 + 3 * finger] = -0.1;
+    }
+    let command = command(target, scene.base_from_palm, ThumbLaw::Position);
+    let mut apart: f64 = 0.0;
+    for _ in 0..1500 {
+        twin.step(&command, TICK_S).unwrap();
+        for finger in FingerId::ALL {
+            let middle = twin.plant().state().angle_rad[3 + 3 * finger.index()];
+            apart = apart.max((twin.plant().distal_rad(finger) - middle).abs());
+        }
+    }
+    let reached = twin.plant().state().angle_rad;
+    // Dry friction of 0.02 N m against 9 N m/rad (stiffness and torque loop) leaves 2.2 mrad.
+    for (joint, (is, should)) in reached.iter().zip(target).enumerate() {
+        assert!((is - should).abs() < 2.5e-3, "{joint}: {is}");
+    }
+    assert!(apart < 1e-3, "the distal joint left the middle one by {apart} rad");
+}
+
+#[test]
+fn the_palm_goes_where_it_is_sent() {
+    let scene = scene(None);
+    let mut plant = Plant::new(&scene).unwrap();
+    let mut last = scene.base_from_palm;
+    for step in 0..2000 {
+        let t = f64::from(step) * STEP_S;
+        let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, -0.2, 0.5) * t);
+        let way = Vector3::new(0.1 * (3.0 * t).sin(), 0.0, 0.2 * t);
+        last = Isometry3::from_parts((scene.base_from_palm.translation.vector + way).into(), turn);
+        let drive = Drive { torque_nm: [0.0; JOINT_COUNT], thumb_rotation_rad: 0.2, base_from_palm: last };
+        plant.step(&drive);
+    }
+    let is = plant.base_from_palm();
+    assert!((is.translation.vector - last.translation.vector).norm() < 1e-6);
+    assert!(is.rotation.angle_to(&last.rotation) < 1e-6);
+}
+
+#[test]
+fn the_thumb_presses_with_its_stiffness() {
+    // A heavy plate lies on the pad's side of the thumb.
+    let mut scene = scene(None);
+    scene.gravity = Vector3::zeros();
+    scene.hand.drive.coulomb_friction_nm = 0.0;
+    let angles = FingerAngles { abduction_rad: 0.0, flexion_rad: 0.1, middle_rad: 0.5 };
+    let mut start = HandAngles::from_array(&[0.2; JOINT_COUNT]);
+    start.fingers[0] = angles;
+    scene.angles = start;
+    let base: Isometry3<f64> = scene.base_from_palm
+        * convert::<_, Isometry3<f64>>(scene.hand.palm_from_finger_base(FingerId::Thumb, 0.2f64.sin_cos()));
+    let geometry = scene.hand.finger;
+    let place = tip(&geometry, &FingerTrig::new(&angles, f64::sin_cos));
+    let surface = place + Vector3::z() * geometry.tip_radius_m;
+    let mut block = box_object([0.06, 0.06, 0.01], Vector3::zeros(), 1e6);
+    block.base_from_object = base * Isometry3::from(surface.coords + Vector3::z() * 0.005);
+    scene.object = Some(block);
+    let mut twin = Twin::new(&scene, SensorParameters::ideal(), 1).unwrap();
+
+    let inside = Vector3::new(0.0, 0.0, 0.010);
+    let FingerInverse::Reached(pressed) =
+        inverse_angles(&geometry, &scene.hand.hard_limits, FingerId::Thumb, &(place + inside), f64::atan2)
+    else {
+        panic!("the target is out of reach");
+    };
+    let mut target = start;
+    target.fingers[0] = pressed;
+    let command = command(target.to_array(), scene.base_from_palm, ThumbLaw::Impedance);
+    for _ in 0..1500 {
+        twin.step(&command, TICK_S).unwrap();
+    }
+    let state = twin.plant().state();
+    let force = base.rotation.inverse() * state.base_from_distal[0].rotation * state.tip_wrench[0].force;
+    // 300 N/m times what is left of the 10 mm after the rubber has yielded.
+    let tip_now =
+        base.inverse_transform_point(&(state.base_from_distal[0] * Point3::new(geometry.l3_m, 0.0, 0.0)));
+    let left = (place + inside).z - tip_now.z;
+    assert!((left - 0.010).abs() < 0.0007, "{left}");
+    assert!((force.z + 300.0 * left).abs() < 0.05 * 3.0, "{force} N at {left} m");
+
+    // Dragged sideways it slides on the block, and the friction is that of rubber.
+    let speed = Vector3::new(0.0, 0.02, 0.0);
+    let mut drag = command;
+    for tick in 1..=700 {
+        drag.base_from_palm.translation.vector =
+            scene.base_from_palm.translation.vector + base.rotation * speed * (f64::from(tick) * TICK_S);
+        twin.step(&drag, TICK_S).unwrap();
+    }
+    let state = twin.plant().state();
+    let force = base.rotation.inverse() * state.base_from_distal[0].rotation * state.tip_wrench[0].force;
+    assert!((force.xy().norm() / -force.z - 0.6).abs() < 0.01, "{force}");
+}
+
+/// A 50 mm cube of 60 g at (0.42, 0, 0), gripped from above by the thumb against index and middle finger, 15 mm above its
+/// middle.
+struct CubeGrasp {
+    plan: ExecutionPlan,
+    scene: Scene,
+}
+
+fn cube_grasp(tip_friction: f64) -> CubeGrasp {
+    let model = HandModel::<f64>::hit_dlr();
+    let (half, rotation) = (0.025, core::f64::consts::FRAC_PI_2);
+    let cube_in_palm = Vector3::new(0.09, 0.025, 0.22);
+    let palm_from_base =
+        |id| -> Isometry3<f64> { convert(model.palm_from_finger_base(id, rotation.sin_cos())) };
+    let fingers = [
+        (FingerId::Thumb, Vector3::new(half, 0.0, -0.015), -Vector3::x_axis()),
+        (FingerId::Index, Vector3::new(-half, 0.02, -0.015), Vector3::x_axis()),
+        (FingerId::Middle, Vector3::new(-half, -0.02, -0.015), Vector3::x_axis()),
+    ];
+    let contacts = fingers.map(|(finger, place, inward_normal): (_, _, Unit<Vector3<f64>>)| GripContact {
+        finger,
+        point: Point3::from(cube_in_palm + place),
+        inward_normal,
+    });
+    let angles = |contact: &GripContact, clearance_m: f64| {
+        let outward = -contact.inward_normal.into_inner() * (model.finger.tip_radius_m + clearance_m);
+        let place = palm_from_base(contact.finger).inverse() * (contact.point + outward);
+        let FingerInverse::Reached(angles) =
+            inverse_angles(&model.finger, &model.hard_limits, contact.finger, &place, f64::atan2)
+        else {
+            panic!("{contact:?} is out of reach");
+        };
+        angles
+    };
+    // The ring finger is folded away.
+    let mut grasp = HandAngles::from_array(&[0.0; JOINT_COUNT]);
+    grasp.thumb_rotation_rad = rotation;
+    grasp.fingers[3] = FingerAngles { abduction_rad: 0.0, flexion_rad: -0.05, middle_rad: 1.3 };
+    let mut pregrasp = grasp;
+    let mut forces = [None; 4];
+    for (contact, force) in contacts.iter().zip(balanced_forces(&contacts, 0.2, 8.0).unwrap()) {
+        grasp.fingers[contact.finger.index()] = angles(contact, 0.0);
+        pregrasp.fingers[contact.finger.index()] = angles(contact, 0.01);
+        forces[contact.finger.index()] = Some(force);
+    }
+    let squeeze = squeeze_targets(&model, &grasp, &forces, &GripStiffness::default());
+
+    let cube_in_base = Vector3::new(0.42, 0.0, half);
+    let downwards = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), core::f64::consts::PI);
+    let grasp_site = Isometry3::from_parts(cube_in_base.into(), downwards) * Isometry3::from(-cube_in_palm);
+    let approach_site = Isometry3::translation(0.0, 0.0, 0.08) * grasp_site;
+    let scene = Scene {
+        hand: model,
+        base_from_palm: approach_site,
+        angles: pregrasp,
+        object: Some(box_object([2.0 * half; 3], cube_in_base, 0.06)),
+        table_height_m: Some(0.0),
+        friction: Friction { tip: tip_friction, link: 0.15, table: 0.4 },
+        gravity: GRAVITY,
+    };
+    let plan = ExecutionPlan {
+        approach_site,
+        grasp_site,
+        pregrasp,
+        grasp,
+        squeeze,
+        friction: 0.4,
+        thumb: ThumbLaw::Impedance,
+    };
+    CubeGrasp { plan, scene }
+}
+
+fn lift(case: &CubeGrasp, seed: u64) -> Execution {
+    let mut twin = Twin::new(&case.scene, SensorParameters::hit_dlr(), seed).unwrap();
+    execute(&case.scene.hand, &case.plan, &ExecutionSettings::default(), &mut twin).unwrap()
+}
+
+#[test]
+fn a_cube_is_lifted_and_held() {
+    let execution = lift(&cube_grasp(0.6), 7);
+    assert_eq!(execution.verdict, Verdict::Held);
+    let rise = execution.lift_height_m.unwrap();
+    assert!((rise - 0.1).abs() < 0.003, "{rise} m");
+    assert!(execution.slip_m.unwrap() < 0.002, "{:?} m", execution.slip_m);
+}
+
+#[test]
+fn without_friction_the_cube_is_lost() {
+    let execution = lift(&cube_grasp(0.02), 7);
+    assert!(matches!(execution.verdict, Verdict::Dropped | Verdict::NotLifted), "{:?}", execution.verdict);
+    assert!(execution.lift_height_m.unwrap() < 0.01);
+}
+
+#[test]
+fn an_open_hand_lifts_nothing() {
+    let mut case = cube_grasp(0.6);
+    (case.plan.grasp, case.plan.squeeze) = (case.plan.pregrasp, case.plan.pregrasp);
+    let execution = lift(&case, 7);
+    assert_eq!(execution.verdict, Verdict::NotLifted);
+    assert!(execution.lift_height_m.unwrap().abs() < 1e-3);
+}
+
+#[test]
+fn equal_seeds_give_equal_bits() {
+    let case = cube_grasp(0.6);
+    let (first, again, other) = (lift(&case, 3), lift(&case, 3), lift(&case, 4));
+    assert_eq!(first, again);
+    assert_ne!(first.trace, other.trace);
+}
+
+#[test]
+fn the_grip_knows_the_gains_of_the_controller() {
+    let config = firmware::control::Config::hit_dlr();
+    let grip = GripStiffness::default();
+    assert_eq!(config.thumb.stiffness_n_per_m.map(f64::from), grip.thumb_n_per_m);
+    assert_eq!(config.joint.map(|gains| f64::from(gains.stiffness_nm_per_rad)), grip.joint_nm_per_rad);
+}
