@@ -1,187 +1,17 @@
 //! One grasp from the approach site to a verdict.
 
-use hand_model::{HandAngles, HandModel};
+use core::f64::consts::FRAC_PI_2;
+
+use hand_model::HandModel;
 use nalgebra::{Isometry3, Point3, Translation3};
-use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT};
+use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use thiserror::Error;
 
 use super::monitor::{Monitor, MonitorConfig, Touch};
+use super::outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
+use super::plan::{ExecutionPlan, ExecutionSettings};
 use super::profile::rest_to_rest;
 use crate::link::{Command, Link, LinkError, Report, ThumbLaw, TrueObject};
-
-/// Where the palm goes and what the hand does. Poses are `base_from_palm`.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ExecutionPlan {
-    /// Clear of the object; the execution starts here.
-    pub approach_site: Isometry3<f64>,
-    /// Where the fingers close; reached from the approach site in a straight line.
-    pub grasp_site: Isometry3<f64>,
-    /// Open hand on the way in.
-    pub pregrasp: HandAngles<f64>,
-    /// Fingertips on the surface.
-    pub grasp: HandAngles<f64>,
-    /// Targets beyond the surface that make the grip; see [`squeeze_targets`](super::squeeze_targets).
-    pub squeeze: HandAngles<f64>,
-    /// Friction that the plan counts on.
-    pub friction: f64,
-    /// The thumb's law from the grasp on.
-    pub thumb: ThumbLaw,
-}
-
-/// Times, speeds and thresholds of an execution.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ExecutionSettings {
-    /// Period of commands.
-    pub period_s: f64,
-    /// Mean speed of the palm from the approach site to the grasp site.
-    pub advance_speed_m_per_s: f64,
-    /// Time in which all fingers close; the fingertips arrive at rest.
-    pub close_s: f64,
-    /// Time in which the grip grows.
-    pub squeeze_s: f64,
-    /// How far to lift.
-    pub lift_m: f64,
-    /// Time to lift.
-    pub lift_s: f64,
-    /// Time to hold before the verdict.
-    pub hold_s: f64,
-    /// Largest multiple of the planned grip that the slip reflex may ask for.
-    pub reflex_max: f64,
-    /// Share of the planned grip that the slip reflex adds in a second of slipping.
-    pub reflex_rate_per_s: f64,
-    /// How far an object may move before the fingers have closed, or within the grip until the end.
-    pub displacement_max_m: f64,
-    /// Time between samples of the trace.
-    pub trace_period_s: f64,
-}
-
-impl Default for ExecutionSettings {
-    fn default() -> Self {
-        Self {
-            period_s: 1e-3,
-            advance_speed_m_per_s: 0.08,
-            close_s: 1.0,
-            squeeze_s: 0.5,
-            lift_m: 0.1,
-            lift_s: 1.5,
-            hold_s: 1.0,
-            reflex_max: 2.0,
-            reflex_rate_per_s: 5.0,
-            displacement_max_m: 0.015,
-            trace_period_s: 0.02,
-        }
-    }
-}
-
-/// How an execution ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Verdict {
-    /// Lifted and held where it was grasped.
-    Held,
-    /// Still in the hand, but it moved in it by more than allowed.
-    Slipped,
-    /// Lifted, then lost.
-    Dropped,
-    /// It stayed on the table.
-    NotLifted,
-    /// It was pushed away before the fingers had closed.
-    Disturbed,
-}
-
-impl Verdict {
-    /// Lower-case name, as in reports.
-    #[must_use]
-    pub const fn name(self) -> &'static str {
-        match self {
-            Self::Held => "held",
-            Self::Slipped => "slipped",
-            Self::Dropped => "dropped",
-            Self::NotLifted => "not_lifted",
-            Self::Disturbed => "disturbed",
-        }
-    }
-}
-
-/// Parts of an execution, in their order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// At the approach site: the hand takes its pregrasp and the thumb its rotation.
-    Prepare,
-    /// Straight to the grasp site.
-    Advance,
-    /// All fingers to the surface.
-    Close,
-    /// The grip grows.
-    Squeeze,
-    /// Straight up.
-    Lift,
-    /// Still.
-    Hold,
-}
-
-impl Phase {
-    const ALL: [Self; 6] = [Self::Prepare, Self::Advance, Self::Close, Self::Squeeze, Self::Lift, Self::Hold];
-}
-
-/// Something worth telling.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum EventKind {
-    /// A phase begins.
-    Phase(Phase),
-    /// A fingertip feels a contact.
-    Contact(FingerId),
-    /// A fingertip feels a contact while the palm still moves to the grasp site.
-    UnexpectedContact(FingerId),
-    /// A fingertip is at the edge of its friction cone, and the grip is tightened.
-    Slip(FingerId),
-    /// A fingertip that was in contact feels nothing any more.
-    ContactLost(FingerId),
-}
-
-/// An event and its time.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Event {
-    /// Time since the start of the execution.
-    pub time_s: f64,
-    /// What happened.
-    pub kind: EventKind,
-}
-
-/// The state of the execution at one time.
-#[derive(Debug, Clone, PartialEq)]
-pub struct TraceSample {
-    /// Time since the start of the execution.
-    pub time_s: f64,
-    /// Part of the execution.
-    pub phase: Phase,
-    /// Commanded pose of the palm.
-    pub base_from_palm: Isometry3<f64>,
-    /// Commanded joint angles, order of `JointId`.
-    pub commanded_rad: [f64; JOINT_COUNT],
-    /// Measured joint angles.
-    pub measured_rad: [f64; JOINT_COUNT],
-    /// Filtered force on each fingertip.
-    pub tip_force_n: [f64; FINGER_COUNT],
-    /// True pose of the object, where it is known.
-    pub base_from_object: Option<Isometry3<f64>>,
-}
-
-/// What came of a plan.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Execution {
-    /// How it ended.
-    pub verdict: Verdict,
-    /// How far the object's centre rose, where its true place is known.
-    pub lift_height_m: Option<f64>,
-    /// How far the object moved in the palm frame since the grip stood, where that is known.
-    pub slip_m: Option<f64>,
-    /// Simulated or real time that it took.
-    pub duration_s: f64,
-    /// What happened, in order.
-    pub events: Vec<Event>,
-    /// The course of it.
-    pub trace: Vec<TraceSample>,
-}
 
 /// Why a plan was not executed to its end.
 #[derive(Debug, Error)]
@@ -229,23 +59,29 @@ pub fn execute<L: Link + ?Sized>(
     let at_start = link.object();
     let mut highest_m = f64::NEG_INFINITY;
     let (mut before_close, mut gripped) = (at_start, None);
+    let mut gripped_by = 0;
     for phase in Phase::ALL {
         run.event(EventKind::Phase(phase));
         match phase {
             Phase::Close => before_close = link.object(),
-            Phase::Lift => gripped = link.object(),
+            Phase::Lift => {
+                gripped = link.object();
+                gripped_by = run.fingers_touching();
+            }
             _ => {}
         }
-        let ticks = (run.duration_s(model, phase) / settings.period_s).ceil().max(1.0) as u64;
-        for tick in 1..=ticks {
-            let command =
-                run.command(phase, tick as f64 * settings.period_s, ticks as f64 * settings.period_s);
+        let ticks = (run.duration_s(model, phase) / settings.period_s).ceil().max(1.0);
+        for tick in 1..=ticks as u64 {
+            let command = run.command(phase, tick as f64 * settings.period_s, ticks * settings.period_s);
             let report = link
                 .step(&command, settings.period_s)
                 .map_err(|source| ExecutionError::Link { time_s: run.time_s(), source })?;
             run.tick += 1;
             run.take_in(phase, &command, &report, link.object());
             highest_m = highest_m.max(rise_m(at_start, link.object()).unwrap_or(f64::NEG_INFINITY));
+            if phase == Phase::Prepare && is_prepared(plan, &report) {
+                break;
+            }
         }
     }
     let at_end = link.object();
@@ -254,17 +90,22 @@ pub fn execute<L: Link + ?Sized>(
     let pushed = at_start
         .zip(before_close)
         .is_some_and(|(a, b)| (a.center_in_base - b.center_in_base).norm() > settings.displacement_max_m);
+    let slipped = slip_m.is_some_and(|slip| slip > settings.displacement_max_m);
     let verdict = match lift_height_m {
         _ if pushed => Verdict::Disturbed,
-        Some(rise) if rise > 0.5 * settings.lift_m => match slip_m {
-            Some(slip) if slip > settings.displacement_max_m => Verdict::Slipped,
-            _ => Verdict::Held,
-        },
+        Some(rise) if rise > 0.5 * settings.lift_m => {
+            if slipped {
+                Verdict::Slipped
+            } else {
+                Verdict::Held
+            }
+        }
         Some(_) if highest_m > 0.1 * settings.lift_m => Verdict::Dropped,
         Some(_) => Verdict::NotLifted,
-        // Without a true pose the fingertips must tell.
-        None if run.touched.contains(&true) => Verdict::Held,
-        None => Verdict::Dropped,
+        // Where nobody sees the object the fingertips must tell: it takes two to hold.
+        None if run.fingers_touching() >= 2 => Verdict::Held,
+        None if gripped_by >= 2 => Verdict::Dropped,
+        None => Verdict::NotLifted,
     };
     Ok(Execution {
         verdict,
@@ -274,6 +115,15 @@ pub fn execute<L: Link + ?Sized>(
         events: run.events,
         trace: run.trace,
     })
+}
+
+/// Whether the hand has its pregrasp, within what friction and weight leave.
+fn is_prepared(plan: &ExecutionPlan, report: &Report) -> bool {
+    let rotation = JointId::THUMB_ROTATION.index();
+    let pairs = report.position_rad.into_iter().zip(plan.pregrasp.to_array()).enumerate();
+    pairs
+        .into_iter()
+        .all(|(joint, (is, should))| (is - should).abs() < if joint == rotation { 0.02 } else { 0.05 })
 }
 
 fn check(settings: &ExecutionSettings) -> Result<(), ExecutionError> {
@@ -337,6 +187,10 @@ impl Run<'_> {
         self.tick as f64 * self.settings.period_s
     }
 
+    fn fingers_touching(&self) -> usize {
+        self.touched.iter().filter(|&&touches| touches).count()
+    }
+
     fn event(&mut self, kind: EventKind) {
         self.events.push(Event { time_s: self.time_s(), kind });
     }
@@ -344,8 +198,8 @@ impl Run<'_> {
     fn duration_s(&self, model: &HandModel<f64>, phase: Phase) -> f64 {
         let settings = self.settings;
         match phase {
-            // Half a turn of slack for the thumb's base, which moves at its own speed; the hand may already be there.
-            Phase::Prepare => 0.2 / model.thumb_rotation.speed_max_rad_per_s,
+            // At most: the thumb's base has a quarter turn to go at its own speed.
+            Phase::Prepare => FRAC_PI_2 / model.thumb_rotation.speed_max_rad_per_s + 0.5,
             Phase::Advance => {
                 let way =
                     self.plan.grasp_site.translation.vector - self.plan.approach_site.translation.vector;
@@ -389,7 +243,6 @@ impl Run<'_> {
                 Phase::Squeeze | Phase::Lift | Phase::Hold => plan.thumb,
             },
             base_from_palm,
-            arm_joints_rad: None,
         }
     }
 
@@ -418,7 +271,7 @@ impl Run<'_> {
             self.grip = (self.grip + more).min(self.settings.reflex_max.max(1.0));
         }
         let every = (self.settings.trace_period_s / self.settings.period_s).round().max(1.0) as u64;
-        if self.tick % every == 0 {
+        if self.tick.is_multiple_of(every) {
             self.trace.push(TraceSample {
                 time_s: self.time_s(),
                 phase,

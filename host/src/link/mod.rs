@@ -39,10 +39,8 @@ pub struct Command {
     pub feed_forward_nm: [f64; JOINT_COUNT],
     /// The thumb's law.
     pub thumb: ThumbLaw,
-    /// Where the palm is to be at the end of the step.
+    /// Where the palm is to be at the end of the step; a link with an arm finds its joints.
     pub base_from_palm: Isometry3<f64>,
-    /// The arm's joints for that pose, for a link that has an arm; one that moves the palm itself ignores them.
-    pub arm_joints_rad: Option<[f64; 6]>,
 }
 
 /// Force and moment on a fingertip, in the axes of the distal link, the moment about the centre of the tip's sphere.
@@ -78,7 +76,8 @@ pub struct TrueObject {
 
 /// A hand on an arm.
 pub trait Link {
-    /// Sends a command, lets `dt_s` pass, and reads the sensors at its end.
+    /// Sends a command, lets `dt_s` pass, and reads the sensors at its end. The palm must be near the commanded pose
+    /// already: a command is a sample of a motion, not its goal.
     ///
     /// # Errors
     /// [`LinkError`], after which the hand's state is not known.

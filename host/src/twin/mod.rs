@@ -8,6 +8,7 @@
 //! friction of the rubber, and the arm's own dynamics (the palm goes exactly where it is sent).
 mod convert;
 mod embedded;
+mod finger;
 mod hand;
 mod object;
 pub mod plant;

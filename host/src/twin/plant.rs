@@ -123,9 +123,8 @@ impl Plant {
 
     /// Advances by [`STEP_S`].
     pub fn step(&mut self, drive: &Drive) {
-        self.hand.turn_thumb(&mut self.world, drive.thumb_rotation_rad);
-        self.hand.apply_torques(&mut self.world, &drive.torque_nm);
-        self.hand.drive_palm(&mut self.world, &drive.base_from_palm);
+        let Drive { torque_nm, thumb_rotation_rad, base_from_palm } = drive;
+        self.hand.drive(&mut self.world, torque_nm, *thumb_rotation_rad, base_from_palm);
         self.world.step();
         for (_, body) in self.world.bodies.iter_mut() {
             body.reset_forces(false);
@@ -168,7 +167,7 @@ impl Plant {
     /// Pose of the palm.
     #[must_use]
     pub fn base_from_palm(&self) -> Isometry3<f64> {
-        project_pose(self.world.bodies[self.hand.palm].position())
+        self.hand.base_from_palm(&self.world)
     }
 
     /// Pose of the object, if there is one.

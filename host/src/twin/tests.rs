@@ -98,14 +98,7 @@ fn a_block_slips_at_the_angle_of_friction() {
 /// Commands of a resting palm.
 fn command(position_rad: [f64; JOINT_COUNT], base_from_palm: Isometry3<f64>, thumb: ThumbLaw) -> Command {
     let zero = [0.0; JOINT_COUNT];
-    Command {
-        position_rad,
-        velocity_rad_per_s: zero,
-        feed_forward_nm: zero,
-        thumb,
-        base_from_palm,
-        arm_joints_rad: None,
-    }
+    Command { position_rad, velocity_rad_per_s: zero, feed_forward_nm: zero, thumb, base_from_palm }
 }
 
 #[test]
@@ -154,11 +147,11 @@ fn the_palm_goes_where_it_is_sent() {
 
 #[test]
 fn the_thumb_presses_with_its_stiffness() {
-    // A heavy block stands 3 mm inside the thumb's target, on the side of its pad.
+    // A heavy plate lies on the pad's side of the thumb.
     let mut scene = scene(None);
     scene.gravity = Vector3::zeros();
     scene.hand.drive.coulomb_friction_nm = 0.0;
-    let angles = FingerAngles { abduction_rad: 0.0, flexion_rad: 0.6, middle_rad: 0.5 };
+    let angles = FingerAngles { abduction_rad: 0.0, flexion_rad: 0.1, middle_rad: 0.5 };
     let mut start = HandAngles::from_array(&[0.2; JOINT_COUNT]);
     start.fingers[0] = angles;
     scene.angles = start;
@@ -167,9 +160,8 @@ fn the_thumb_presses_with_its_stiffness() {
     let geometry = scene.hand.finger;
     let place = tip(&geometry, &FingerTrig::new(&angles, f64::sin_cos));
     let surface = place + Vector3::z() * geometry.tip_radius_m;
-    let size = [0.04, 0.04, 0.04];
-    let mut block = box_object(size, Vector3::zeros(), 1e4);
-    block.base_from_object = base * Isometry3::from(surface.coords + Vector3::z() * 0.02);
+    let mut block = box_object([0.06, 0.06, 0.01], Vector3::zeros(), 1e6);
+    block.base_from_object = base * Isometry3::from(surface.coords + Vector3::z() * 0.005);
     scene.object = Some(block);
     let mut twin = Twin::new(&scene, SensorParameters::ideal(), 1).unwrap();
 
