@@ -10,14 +10,20 @@ use crate::link::{Report, TipWrench};
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MonitorConfig {
     /// Friction that the plan counts on. It should be less than the true one: on the true cone the measured ratio never
-    /// exceeds the coefficient, sliding or not.
+    /// exceeds the coefficient, sliding or not, so a finger on a slipperier surface slides unnoticed.
     pub friction: f64,
-    /// Normal force from which there is a contact to judge; one that exists is lost at half of it.
+    /// Normal force from which there is a contact to judge.
     pub contact_n: f64,
+    /// Force below which a contact counts as lost, once it has stayed there for [`Self::lost_time_s`].
+    pub lost_n: f64,
+    /// See [`Self::lost_n`].
+    pub lost_time_s: f64,
     /// Share of [`Self::friction`] at which a finger is about to slip.
     pub slip_share: f64,
     /// How long the ratio must stay there.
     pub slip_time_s: f64,
+    /// Share of [`Self::friction`] below which the finger is firm again.
+    pub firm_share: f64,
     /// Cut-off of the force filter.
     pub filter_rad_per_s: f64,
     /// Radius of the tips' spheres.
@@ -31,8 +37,11 @@ impl MonitorConfig {
         Self {
             friction,
             contact_n: 0.3,
+            lost_n: 0.15,
+            lost_time_s: 0.02,
             slip_share: 0.95,
             slip_time_s: 0.005,
+            firm_share: 0.7,
             filter_rad_per_s: 2.0 * core::f64::consts::PI * 100.0,
             tip_radius_m: finger.tip_radius_m,
         }
@@ -83,54 +92,65 @@ pub enum Touch {
     Slipping,
 }
 
-/// Filtered forces and timers of the four tips.
+/// A fingertip's filtered force and its timers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Tip {
+    filtered: TipWrench,
+    at_edge_s: f64,
+    unloaded_s: f64,
+    touch: Touch,
+}
+
+/// Watches the four tips.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Monitor {
     config: MonitorConfig,
-    filtered: [TipWrench; FINGER_COUNT],
-    at_edge_s: [f64; FINGER_COUNT],
-    touch: [Touch; FINGER_COUNT],
+    tips: [Tip; FINGER_COUNT],
 }
 
 impl Monitor {
     /// Starts with free fingertips.
     #[must_use]
     pub fn new(config: MonitorConfig) -> Self {
-        let none = TipWrench { force: Vector3::zeros(), moment: Vector3::zeros() };
-        Self {
-            config,
-            filtered: [none; FINGER_COUNT],
-            at_edge_s: [0.0; FINGER_COUNT],
-            touch: [Touch::Free; FINGER_COUNT],
-        }
+        let filtered = TipWrench { force: Vector3::zeros(), moment: Vector3::zeros() };
+        let tip = Tip { filtered, at_edge_s: 0.0, unloaded_s: 0.0, touch: Touch::Free };
+        Self { config, tips: [tip; FINGER_COUNT] }
     }
 
     /// Takes in the sensors, `dt_s` after the last time, and says what each tip does.
     pub fn update(&mut self, report: &Report, dt_s: f64) -> [Touch; FINGER_COUNT] {
-        let config = self.config;
-        let share = config.filter_rad_per_s * dt_s / (1.0 + config.filter_rad_per_s * dt_s);
-        for finger in FingerId::ALL.map(FingerId::index) {
-            let (filtered, raw) = (&mut self.filtered[finger], &report.tip_wrench[finger]);
-            filtered.force += (raw.force - filtered.force) * share;
-            filtered.moment += (raw.moment - filtered.moment) * share;
-            let contact =
-                felt_contact(filtered, config.tip_radius_m).filter(|c| c.normal_n > config.contact_n);
-            let at_edge =
-                contact.is_some_and(|c| c.tangent_n > config.slip_share * config.friction * c.normal_n);
-            self.at_edge_s[finger] = if at_edge { self.at_edge_s[finger] + dt_s } else { 0.0 };
-            self.touch[finger] = match contact {
-                None => Touch::Free,
-                Some(_) if self.at_edge_s[finger] >= config.slip_time_s => Touch::Slipping,
-                Some(_) => Touch::Firm,
-            };
+        for (tip, wrench) in self.tips.iter_mut().zip(&report.tip_wrench) {
+            tip.update(&self.config, wrench, dt_s);
         }
-        self.touch
+        self.tips.map(|tip| tip.touch)
     }
 
     /// Filtered force on a tip, N.
     #[must_use]
     pub fn force_n(&self, finger: FingerId) -> f64 {
-        self.filtered[finger.index()].force.norm()
+        self.tips[finger.index()].filtered.force.norm()
+    }
+}
+
+impl Tip {
+    fn update(&mut self, config: &MonitorConfig, raw: &TipWrench, dt_s: f64) {
+        let share = config.filter_rad_per_s * dt_s / (1.0 + config.filter_rad_per_s * dt_s);
+        self.filtered.force += (raw.force - self.filtered.force) * share;
+        self.filtered.moment += (raw.moment - self.filtered.moment) * share;
+        let timed = |holds: bool, timer_s: f64| if holds { timer_s + dt_s } else { 0.0 };
+
+        let contact =
+            felt_contact(&self.filtered, config.tip_radius_m).filter(|c| c.normal_n > config.contact_n);
+        let ratio = contact.map_or(0.0, |c| c.tangent_n / c.normal_n) / config.friction;
+        self.at_edge_s = timed(ratio > config.slip_share, self.at_edge_s);
+        self.unloaded_s = timed(self.filtered.force.norm() < config.lost_n, self.unloaded_s);
+        self.touch = match self.touch {
+            Touch::Free if contact.is_none() => Touch::Free,
+            _ if self.unloaded_s >= config.lost_time_s => Touch::Free,
+            _ if self.at_edge_s >= config.slip_time_s => Touch::Slipping,
+            Touch::Slipping if ratio > config.firm_share => Touch::Slipping,
+            _ => Touch::Firm,
+        };
     }
 }
 
@@ -184,9 +204,15 @@ mod tests {
         }
         let ticks = (1..100).find(|_| monitor.update(&report(0.45), 1e-3)[0] == Touch::Slipping);
         assert!((5..12).contains(&ticks.unwrap()), "{ticks:?}");
-        for _ in 0..50 {
-            monitor.update(&report(0.2), 1e-3);
+        let settled =
+            |monitor: &mut Monitor, report: &Report| (0..50).map(|_| monitor.update(report, 1e-3)[0]).last();
+        assert_eq!(settled(&mut monitor, &report(0.32)), Some(Touch::Slipping), "not firm yet");
+        assert_eq!(settled(&mut monitor, &report(0.2)), Some(Touch::Firm));
+        let mut free = report(0.0);
+        for wrench in &mut free.tip_wrench {
+            wrench.force *= 0.0;
         }
-        assert_eq!(monitor.update(&report(0.2), 1e-3)[0], Touch::Firm);
+        assert_eq!(monitor.update(&free, 1e-3)[0], Touch::Firm, "a contact is not lost at once");
+        assert_eq!(settled(&mut monitor, &free), Some(Touch::Free));
     }
 }

@@ -175,7 +175,8 @@ impl FingerBody {
     ) {
         for (k, commanded) in commanded_nm.into_iter().enumerate() {
             let limit = drive.torque_max_nm[k];
-            let mut torque = commanded.clamp(-limit, limit);
+            // A drive makes nothing of what is no number.
+            let mut torque = if commanded.is_finite() { commanded.clamp(-limit, limit) } else { 0.0 };
             let speed = speed_rad_per_s(world, self.joints[k]);
             // At its largest speed a drive has no voltage left to push further.
             if speed * torque > 0.0 {

@@ -63,7 +63,9 @@ impl HandBody {
         base_from_palm: &Isometry3<f64>,
     ) {
         let reach = self.rotation.speed_max_rad_per_s * STEP_S;
-        self.braked_rad += (thumb_rotation_rad - self.braked_rad).clamp(-reach, reach);
+        if thumb_rotation_rad.is_finite() {
+            self.braked_rad += (thumb_rotation_rad - self.braked_rad).clamp(-reach, reach);
+        }
         for (finger, torques) in self.fingers.iter().zip(by_finger(commanded_nm)) {
             finger.brake_support(world, self.braked_rad);
             finger.apply_torques(world, &self.drive, torques);

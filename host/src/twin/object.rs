@@ -43,6 +43,9 @@ impl ObjectBody {
         if !(self.mass_kg > 0.0 && self.mass_kg.is_finite()) {
             return Err(PlantError::Mass { mass_kg: self.mass_kg });
         }
+        if self.pieces.is_empty() {
+            return Err(PlantError::NoPieces);
+        }
         let eigen = self.inertia_kg_m2.symmetric_eigen();
         // A rotation needs a right-handed triple of axes.
         let mut axes = eigen.eigenvectors;
@@ -64,12 +67,23 @@ impl ObjectBody {
                 .can_sleep(false),
         );
         for (piece, corners) in self.pieces.iter().enumerate() {
-            let corners: Vec<_> = corners.iter().map(|p| engine_vector(&p.coords)).collect();
-            let hull = ColliderBuilder::convex_hull(&corners).ok_or(PlantError::FlatPiece { piece })?;
+            let hull = hull(corners).ok_or(PlantError::FlatPiece { piece })?;
             world.insert_collider(surface(hull, Part::Object, 1.0), Some(body));
         }
         Ok(body)
     }
+}
+
+/// The convex hull of `corners`; `None` when they are not finite or span no volume.
+fn hull(corners: &[Point3<f64>]) -> Option<ColliderBuilder> {
+    if !corners.iter().all(|p| p.coords.iter().all(|x| x.is_finite())) {
+        return None;
+    }
+    let corners: Vec<_> = corners.iter().map(|p| engine_vector(&p.coords)).collect();
+    let hull = ColliderBuilder::convex_hull(&corners)?;
+    // The engine builds hulls of flat sets too, with rounding for a thickness.
+    let longest_m = hull.shape.compute_local_aabb().extents().max_element();
+    (hull.shape.mass_properties(1.0).mass() > 1e-9 * longest_m.powi(3)).then_some(hull)
 }
 
 /// Centre of mass, and inertia about it for a mass of 1 kg.

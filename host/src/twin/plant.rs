@@ -30,7 +30,10 @@ pub enum PlantError {
         /// The mass.
         mass_kg: f64,
     },
-    /// A convex piece has no volume.
+    /// The object has no shape.
+    #[error("an object without convex pieces has no surface to touch")]
+    NoPieces,
+    /// A convex piece has no volume, or a corner that is not finite.
     #[error("convex piece {piece} of the object has no volume")]
     FlatPiece {
         /// Index of the piece.

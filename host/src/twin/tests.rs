@@ -7,8 +7,8 @@ use protocol::ids::{FingerId, JOINT_COUNT};
 use super::plant::{Drive, GRAVITY, STEP_S};
 use super::*;
 use crate::exec::{
-    Execution, ExecutionPlan, ExecutionSettings, GripContact, GripStiffness, Verdict, balanced_forces,
-    execute, squeeze_targets,
+    EventKind, Execution, ExecutionPlan, ExecutionSettings, GripContact, GripStiffness, Verdict,
+    balanced_forces, execute, squeeze_targets,
 };
 use crate::link::{Command, Link, ThumbLaw};
 use crate::surface::Mesh;
@@ -292,6 +292,41 @@ fn without_friction_the_cube_is_lost() {
 }
 
 #[test]
+fn the_grip_holds_what_coulomb_allows() {
+    // 8 N of summed normal forces carry 8 mu: a weight of 2.45 N needs 0.31.
+    for (friction, holds) in [(0.27, false), (0.36, true)] {
+        let mut case = cube_grasp(friction);
+        case.plan.friction = 1.0; // out of the slip reflex's reach
+        case.scene.object = Some(box_object([0.05; 3], Vector3::new(0.42, 0.0, 0.025), 0.25));
+        let execution = lift(&case, 7);
+        assert_eq!(execution.verdict == Verdict::Held, holds, "{friction}: {:?}", execution.verdict);
+    }
+}
+
+#[test]
+fn the_slip_reflex_tightens_the_grip() {
+    let mut case = cube_grasp(0.6);
+    case.scene.object = Some(box_object([0.05; 3], Vector3::new(0.42, 0.0, 0.025), 0.3));
+    let with = lift(&case, 7);
+    assert!(with.events.iter().any(|event| matches!(event.kind, EventKind::Slip(_))));
+    case.plan.friction = 1.0;
+    let without = lift(&case, 7);
+    let thumb_n = |execution: &Execution| execution.trace.last().unwrap().tip_force_n[0];
+    assert!(thumb_n(&with) > 1.15 * thumb_n(&without), "{} {}", thumb_n(&with), thumb_n(&without));
+    assert_eq!(with.verdict, Verdict::Held);
+}
+
+#[test]
+fn contacts_are_told_once_each() {
+    let execution = lift(&cube_grasp(0.6), 7);
+    for finger in [FingerId::Thumb, FingerId::Index, FingerId::Middle] {
+        let told = |kind| execution.events.iter().filter(|event| event.kind == kind).count();
+        assert!((1..=3).contains(&told(EventKind::Contact(finger))), "{:?}", execution.events);
+        assert_eq!(told(EventKind::UnexpectedContact(finger)), 0);
+    }
+}
+
+#[test]
 fn an_open_hand_lifts_nothing() {
     let mut case = cube_grasp(0.6);
     (case.plan.grasp, case.plan.squeeze) = (case.plan.pregrasp, case.plan.pregrasp);
@@ -314,4 +349,31 @@ fn the_grip_knows_the_gains_of_the_controller() {
     let grip = GripStiffness::default();
     assert_eq!(config.thumb.stiffness_n_per_m.map(f64::from), grip.thumb_n_per_m);
     assert_eq!(config.joint.map(|gains| f64::from(gains.stiffness_nm_per_rad)), grip.joint_nm_per_rad);
+}
+
+#[test]
+fn what_cannot_be_simulated_is_an_error() {
+    let with = |change: fn(&mut ObjectBody)| {
+        let mut object = box_object([0.05; 3], Vector3::zeros(), 0.06);
+        change(&mut object);
+        Plant::new(&scene(Some(object))).map(|_| ()).unwrap_err()
+    };
+    assert_eq!(with(|object| object.pieces.clear()), PlantError::NoPieces);
+    assert_eq!(with(|object| object.mass_kg = 0.0), PlantError::Mass { mass_kg: 0.0 });
+    let flat = |corners: Vec<Point3<f64>>| {
+        let mut object = box_object([0.05; 3], Vector3::zeros(), 0.06);
+        object.pieces.push(corners);
+        Plant::new(&scene(Some(object))).map(|_| ()).unwrap_err()
+    };
+    let point = |x: f64, y: f64| Point3::new(x, y, 0.0);
+    for corners in [
+        vec![],
+        vec![point(0.0, 0.0)],
+        vec![point(0.0, 0.0), point(1.0, 0.0), point(2.0, 0.0), point(3.0, 0.0)],
+        vec![point(0.0, 0.0), point(1.0, 0.0), point(0.0, 1.0), point(1.0, 1.0), point(0.4, 0.3)],
+        vec![point(f64::NAN, 0.0); 5],
+        vec![point(0.5, 0.5); 8],
+    ] {
+        assert_eq!(flat(corners), PlantError::FlatPiece { piece: 1 });
+    }
 }
