@@ -1,7 +1,8 @@
 //! The object: convex pieces for its contacts, the mesh for its mass.
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
-use rapier3d_f64::math::Rotation;
+use rapier3d_f64::math::{Rotation, Vector};
+use rapier3d_f64::parry::transformation::try_convex_hull;
 use rapier3d_f64::prelude::{
     ColliderBuilder, MassProperties, PhysicsWorld, RigidBodyBuilder, RigidBodyHandle,
 };
@@ -10,6 +11,11 @@ use super::convert::{engine_pose, engine_vector};
 use super::plant::PlantError;
 use super::surface::{Part, surface};
 use crate::surface::Mesh;
+
+/// Radius of the balls that stand for points of contact with the table, metres: what the object is too high.
+const FOOT_RADIUS_M: f64 = 1.0e-4;
+/// Most such points. A rim of 32 corners is round to half a percent.
+const FEET: usize = 64;
 
 /// A rigid object of constant density.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,9 +72,22 @@ impl ObjectBody {
                 .additional_mass_properties(mass)
                 .can_sleep(false),
         );
+        let mut on_feet = Vec::new();
         for (piece, corners) in self.pieces.iter().enumerate() {
             let hull = hull(corners).ok_or(PlantError::FlatPiece { piece })?;
-            world.insert_collider(surface(hull, Part::Object, 1.0), Some(body));
+            let stands_alone = hull
+                .shape
+                .as_convex_polyhedron()
+                .is_some_and(|hull| hull.faces().iter().all(|face| face.num_vertices_or_edges <= 4));
+            let part = if stands_alone { Part::Object } else { Part::ObjectOnFeet };
+            world.insert_collider(surface(hull, part, 1.0), Some(body));
+            if !stands_alone {
+                on_feet.extend(corners.iter().map(|p| engine_vector(&p.coords)));
+            }
+        }
+        for foot in feet(&on_feet) {
+            let ball = ColliderBuilder::ball(FOOT_RADIUS_M).translation(engine_vector(&foot.coords));
+            world.insert_collider(surface(ball, Part::Feet, 1.0), Some(body));
         }
         Ok(body)
     }
@@ -84,6 +103,37 @@ fn hull(corners: &[Point3<f64>]) -> Option<ColliderBuilder> {
     // The engine builds hulls of flat sets too, with rounding for a thickness.
     let longest_m = hull.shape.compute_local_aabb().extents().max_element();
     (hull.shape.mass_properties(1.0).mass() > 1e-9 * longest_m.powi(3)).then_some(hull)
+}
+
+/// Points that carry a body on a plane: corners of its convex hull, well spread where there are many.
+///
+/// A convex body touches a plane with the corners of its hull and nothing else. The engine's own contact of a polyhedron
+/// takes four corners of one face, the first four: a disk with a rim of a hundred corners would tip over. The price is
+/// a friction cone for each foot, which the engine lets slip at 0.9 of the coefficient.
+fn feet(corners: &[Vector]) -> Vec<Point3<f64>> {
+    let hull = try_convex_hull(corners).map(|(hull, _)| hull);
+    let corners = hull.as_deref().unwrap_or(corners);
+    let corners: Vec<Point3<f64>> = corners.iter().map(|p| Point3::new(p.x, p.y, p.z)).collect();
+    spread(&corners, FEET)
+}
+
+/// At most `count` of the points, each the farthest from those chosen before; the lowest first.
+fn spread(points: &[Point3<f64>], count: usize) -> Vec<Point3<f64>> {
+    let mut gaps = vec![f64::INFINITY; points.len()];
+    let mut next = (0..points.len()).min_by(|&a, &b| points[a].z.total_cmp(&points[b].z));
+    let mut chosen = Vec::new();
+    while let Some(index) = next {
+        let point = points[index];
+        chosen.push(point);
+        if chosen.len() == count {
+            break;
+        }
+        for (gap, other) in gaps.iter_mut().zip(points) {
+            *gap = gap.min((other - point).norm_squared());
+        }
+        next = (0..points.len()).max_by(|&a, &b| gaps[a].total_cmp(&gaps[b])).filter(|&i| gaps[i] > 0.0);
+    }
+    chosen
 }
 
 /// Centre of mass, and inertia about it for a mass of 1 kg.

@@ -11,6 +11,10 @@ pub(super) enum Part {
     Hand,
     /// The object touches everything.
     Object,
+    /// A piece of the object that stands on feet touches the hand only.
+    ObjectOnFeet,
+    /// The feet touch the table only.
+    Feet,
     /// The table is fixed.
     Table,
 }
@@ -19,8 +23,9 @@ impl Part {
     fn group(self) -> Group {
         match self {
             Self::Hand => Group::GROUP_1,
-            Self::Object => Group::GROUP_2,
+            Self::Object | Self::ObjectOnFeet => Group::GROUP_2,
             Self::Table => Group::GROUP_3,
+            Self::Feet => Group::GROUP_4,
         }
     }
 
@@ -28,7 +33,9 @@ impl Part {
         match self {
             Self::Hand => Group::GROUP_2 | Group::GROUP_3,
             Self::Object => Group::GROUP_1 | Group::GROUP_3,
-            Self::Table => Group::GROUP_1 | Group::GROUP_2,
+            Self::ObjectOnFeet => Group::GROUP_1,
+            Self::Table => Group::GROUP_1 | Group::GROUP_2 | Group::GROUP_4,
+            Self::Feet => Group::GROUP_3,
         }
     }
 }

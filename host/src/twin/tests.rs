@@ -11,6 +11,7 @@ use crate::exec::{
     balanced_forces, execute, squeeze_targets,
 };
 use crate::link::{Command, Link, ThumbLaw};
+use crate::object::BuiltIn;
 use crate::surface::Mesh;
 
 fn box_mesh(size: [f64; 3]) -> Mesh {
@@ -96,6 +97,23 @@ fn a_block_slips_at_the_angle_of_friction() {
 }
 
 /// Commands of a resting palm.
+#[test]
+fn built_in_objects_stand_still_on_the_table() {
+    for built_in in BuiltIn::ALL {
+        let object = built_in.object(1.0).unwrap();
+        let start = Isometry3::translation(0.4, 0.0, 1e-4);
+        let body = ObjectBody::new(&object.mesh, object.convex_pieces(), start, object.mass_kg);
+        let scene = scene(Some(body));
+        let mut plant = Plant::new(&scene).unwrap();
+        run_free(&mut plant, scene.base_from_palm, 1.0);
+        let end = plant.base_from_object().unwrap();
+        let moved_m = (end.translation.vector - start.translation.vector).norm();
+        assert!(moved_m < 5e-4, "{}: moved {moved_m} m", object.name);
+        let turned_rad = end.rotation.angle();
+        assert!(turned_rad < 0.01, "{}: turned {turned_rad} rad", object.name);
+    }
+}
+
 fn command(position_rad: [f64; JOINT_COUNT], base_from_palm: Isometry3<f64>, thumb: ThumbLaw) -> Command {
     let zero = [0.0; JOINT_COUNT];
     Command { position_rad, velocity_rad_per_s: zero, feed_forward_nm: zero, thumb, base_from_palm }
