@@ -224,7 +224,11 @@ impl Planned {
                 if let Some(expected) = best.quality.expected_epsilon {
                     write!(out, ", {expected:.4} expected under pose errors")?;
                 }
-                writeln!(out, " ({})", document.convention)
+                writeln!(
+                    out,
+                    " (exact cones of unit normal force, L1, torque / {:.1} mm: GraspIt!'s convention)",
+                    document.object.torque_scale_m * 1e3
+                )
             }
             None => writeln!(out, "no grasp to execute"),
         }

@@ -16,8 +16,8 @@ use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate}
 /// degrees round the finger.
 const PAD_COSINE_MIN: f64 = 0.26;
 
-/// The same for the tip, whose rubber is a cap: its front half.
-const TIP_COSINE_MIN: f64 = 0.0;
+/// The same for the tip, whose rubber is a cap: its front half and ten degrees more.
+const TIP_COSINE_MIN: f64 = -0.17;
 
 /// How far the tips stand off their contacts before they close, metres, widest first: room for errors of scan, arm and
 /// calibration, as much as object, table and joint limits leave.

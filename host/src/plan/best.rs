@@ -39,9 +39,11 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
     let mut result = SearchResult::empty();
     let sampled = (settings.attempts as f64 * SAMPLING_SHARE).ceil() as usize;
     let mut kept: Vec<Tried> = Vec::new();
-    while result.attempts < sampled {
+    // Without a grasp there is nothing to refine: the sampling then goes on to the end.
+    while result.attempts < sampled || kept.is_empty() {
         let first = result.attempts;
-        let proposals: Vec<Proposal> = (first..(first + BATCH).min(sampled))
+        let end = if kept.is_empty() { settings.attempts } else { sampled };
+        let proposals: Vec<Proposal> = (first..(first + BATCH).min(end))
             .map(|index| sample(scene, index % candidates.len(), &mut attempt_rng(settings.seed, index)))
             .collect();
         let tried = try_all(scene, &candidates, &proposals);

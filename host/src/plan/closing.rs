@@ -118,3 +118,54 @@ pub fn close_finger(
     }
     Closing::Misses
 }
+
+#[cfg(test)]
+mod tests {
+    use hand_model::FingerTrig;
+    use protocol::ids::FingerId;
+
+    use super::*;
+    use crate::object::BuiltIn;
+    use crate::plan::candidates::typical;
+    use crate::plan::preshape::Preshape;
+
+    #[test]
+    fn a_finger_stops_where_its_tip_meets_a_wall() {
+        // A cube whose near face is the plane x = wall in the grasp frame, in the way of the middle finger only.
+        let hand = HandBody::hit_dlr();
+        let preshape = Preshape::for_width(&hand, &typical()[2], 0.06);
+        let path = preshape.paths[FingerId::Middle.index()].unwrap();
+        let palm_from_base = hand.palm_from_finger_base(FingerId::Middle, preshape.thumb_rotation_rad);
+        let grasp_from_base = preshape.palm_from_grasp.inverse() * palm_from_base;
+        let tip = |u: f64| {
+            grasp_from_base * hand_model::tip(&hand.model.finger, &FingerTrig::new(&path.at(u), f64::sin_cos))
+        };
+        let radius_m = hand.model.finger.tip_radius_m;
+        let mesh = BuiltIn::Cube.object(1.0).unwrap().mesh;
+        let surface = SurfaceQuery::new(&mesh).unwrap();
+        for u in [0.3, 0.8, 1.0] {
+            let wall_m = tip(u).x + radius_m;
+            // The cube stands on z = 0 about the z axis, 50 mm wide.
+            let object_from_grasp = Isometry3::translation(-0.025 - wall_m, -tip(u).y, 0.025 - tip(u).z);
+            let closing = close_finger(
+                &surface,
+                &hand,
+                &(object_from_grasp * grasp_from_base),
+                &path,
+                &mut Default::default(),
+            );
+            let Closing::Touches(touch) = closing else { panic!("{closing:?} at u {u}") };
+            assert!((touch.u - u).abs() < 2e-3, "touched at {} instead of {u}", touch.u);
+            assert_eq!(touch.link, Link::Tip);
+            assert!((touch.inward_normal_in_object.into_inner() - Vector3::x()).norm() < 1e-6);
+            assert!(touch.pad_cosine > 0.5);
+        }
+        let beside = Isometry3::translation(0.0, 1.0, 0.0) * grasp_from_base;
+        assert_eq!(close_finger(&surface, &hand, &beside, &path, &mut Default::default()), Closing::Misses);
+        let into = Isometry3::translation(-tip(0.0).x, -tip(0.0).y, 0.025 - tip(0.0).z) * grasp_from_base;
+        assert_eq!(
+            close_finger(&surface, &hand, &into, &path, &mut Default::default()),
+            Closing::StartsInside
+        );
+    }
+}

@@ -53,17 +53,17 @@ impl Picture<'_> {
         let (low, high) = object.bounding_box();
         let middle = low + 0.5 * (high - low);
         if let Some(z) = self.table_height_m {
-            let half = 0.22;
+            let half = 0.16;
             let corner = |x: f64, y: f64| Point3::new(middle.x + x * half, middle.y + y * half, z);
             let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
             push_quad(&mut triangles, corners, TABLE);
         }
-        let target = Point3::from(0.55 * middle.coords + 0.45 * self.base_from_palm.translation.vector);
+        let target = Point3::from(0.5 * (middle.coords + self.base_from_palm.translation.vector));
         // Across the opposition, so that the gap between thumb and fingers lies open to the eye.
         let palm_y = self.base_from_palm * Vector3::y();
         let side = Vector3::new(palm_y.x, palm_y.y, 0.0).try_normalize(1e-6).unwrap_or_else(Vector3::y);
         let palm_x = self.base_from_palm * Vector3::x();
-        let eye = target + side * 0.46 + palm_x * 0.14 + Vector3::z() * 0.22;
+        let eye = target + side * 0.60 + palm_x * 0.18 + Vector3::z() * 0.22;
         render(&triangles, &Camera { eye, target, field_of_view_rad: 0.55 }, width, height, BACKGROUND)
     }
 
