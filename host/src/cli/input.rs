@@ -78,19 +78,19 @@ pub(super) fn warn(warnings: &[String]) {
     }
 }
 
-/// The pose that stands a mesh, upright in its own z, on the table at the cell's spot.
-pub(super) fn standing_at_spot(mesh: &Mesh) -> Isometry3<f64> {
+/// The pose that stands a mesh, upright in its own z, at the cell's spot on a table of the given height.
+pub(super) fn standing_at_spot(mesh: &Mesh, table_height_m: f64) -> Isometry3<f64> {
     let (low, high) = mesh.bounding_box();
     let middle = nalgebra::center(&low, &high);
-    Isometry3::from(Translation3::new(SPOT_M[0] - middle.x, SPOT_M[1] - middle.y, TABLE_HEIGHT_M - low.z))
+    Isometry3::from(Translation3::new(SPOT_M[0] - middle.x, SPOT_M[1] - middle.y, table_height_m - low.z))
 }
 
-/// Whether a mesh already stands on the cell's table within the arm's reach, as scans in the base frame do.
-pub(super) fn stands_in_cell(mesh: &Mesh) -> bool {
+/// Whether a mesh already stands on a table of the given height within the arm's reach, as scans in the base frame do.
+pub(super) fn stands_in_cell(mesh: &Mesh, table_height_m: f64) -> bool {
     let (low, high) = mesh.bounding_box();
     let middle: Point3<f64> = nalgebra::center(&low, &high);
     let distance_m = Vector3::new(middle.x, middle.y, 0.0).norm();
-    (low.z - TABLE_HEIGHT_M).abs() < 0.005 && (0.2..0.7).contains(&distance_m)
+    (low.z - table_height_m).abs() < 0.005 && (0.2..0.7).contains(&distance_m)
 }
 
 /// Makes a folder for results, with its parents.

@@ -122,7 +122,7 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
 
 /// Writes one JSON document and a line end.
 fn write_json(out: &mut dyn Write, value: &impl serde::Serialize) -> anyhow::Result<()> {
-    serde_json::to_writer_pretty(&mut *out, value)?;
-    writeln!(out)?;
+    // By way of a string: an error of the writer inside serde_json's hides a broken pipe.
+    writeln!(out, "{}", serde_json::to_string_pretty(value)?)?;
     Ok(())
 }

@@ -26,7 +26,8 @@ use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
     after_help = "Examples:\n  prehend plan mesh.stl -o plan.json\n  prehend plan mug.iv --unit mm -o plan.json --strategy paper\n  prehend plan cloud.pcd -o plan.json --up 0,-1,0 --table none"
 )]
 pub struct PlanArgs {
-    /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .csv, reconstructed first), or a built-in object's name
+    /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .txt .csv, reconstructed first), or the name of a
+    /// built-in object
     #[arg(value_name = "INPUT")]
     pub input: String,
     /// Plan to write, or - for standard output
@@ -59,8 +60,8 @@ pub struct PlanArgs {
     /// Where the object is: in the base frame as the file has it, at the cell's spot, or whichever of the two fits
     #[arg(long, value_enum, default_value_t)]
     pub place: Place,
-    /// Direction in the file's frame that is up when the object is put at the cell's spot; by default +z, and for an open
-    /// surface the side from which it was seen
+    /// Direction in the file's frame that is up when the object is put at the cell's spot; by default the normal of the
+    /// table in a cloud, else the side that an open surface faces, else +z
     #[arg(long, value_name = "X,Y,Z", value_parser = input::triple, allow_hyphen_values = true)]
     pub up: Option<[f64; 3]>,
     /// How many grasps to write, best first
@@ -80,7 +81,7 @@ pub struct PlanArgs {
     pub json: bool,
 }
 
-/// `--strategy`.
+/// Which search to run, `--strategy`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Strategy {
     /// Eight typical candidates, then small motions about them, until epsilon passes the threshold
@@ -110,7 +111,7 @@ impl Strategy {
     }
 }
 
-/// `--hand`.
+/// Which hand to plan for, `--hand`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum HandChoice {
     /// The four-finger HIT/DLR hand
@@ -118,7 +119,7 @@ pub enum HandChoice {
     HitDlr,
 }
 
-/// `--arm`.
+/// Which arm carries the hand, `--arm`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum ArmChoice {
     /// Stäubli RX60
@@ -139,7 +140,7 @@ impl ArmChoice {
     }
 }
 
-/// `--place`.
+/// Where the object is, `--place`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Place {
     /// In the base frame if it stands there within reach, else at the cell's spot
@@ -151,13 +152,24 @@ pub enum Place {
     Cell,
 }
 
-/// `--table`.
+/// Where the table is, `--table`.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum TableChoice {
     /// A height in the base frame, metres.
     At(f64),
     /// No table.
     None,
+}
+
+impl TableChoice {
+    /// Height in the base frame, metres, if there is a table.
+    #[must_use]
+    pub fn height_m(self) -> Option<f64> {
+        match self {
+            Self::At(z) => Some(z),
+            Self::None => None,
+        }
+    }
 }
 
 fn table(text: &str) -> Result<TableChoice, String> {
@@ -174,12 +186,9 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let start = Instant::now();
     let mut human: Vec<u8> = Vec::new();
-    let object = read_input(args, &mut human)?;
-    let (base_from_object, placing) = place(args, &object.mesh)?;
-    let table_height_m = match args.table {
-        TableChoice::At(z) => Some(z),
-        TableChoice::None => None,
-    };
+    let Input { object, table_normal } = read_input(args, &mut human)?;
+    let (base_from_object, placing) = place(args, &object.mesh, table_normal)?;
+    let table_height_m = args.table.height_m();
     let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, args.arm.arm())
         .with_context(|| format!("planning on {}", args.input))?;
     scene.friction = args.friction;
@@ -231,13 +240,22 @@ fn summary(args: &PlanArgs, planned: &Planned, total_s: f64) -> serde_json::Valu
     })
 }
 
+/// What there is to plan on.
+struct Input {
+    object: Object,
+    /// Normal of the table that was found in a cloud, in the file's frame.
+    table_normal: Option<Vector3<f64>>,
+}
+
 /// Reads mesh, cloud or built-in object; a cloud is reconstructed and completed first, which is described in `human`.
-fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Object> {
+fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
     if BuiltIn::ALL.iter().any(|b| b.name() == args.input) {
-        return input::object(&args.input, args.unit, args.mass, args.friction);
+        let object = input::object(&args.input, args.unit, args.mass, args.friction)?;
+        return Ok(Input { object, table_normal: None });
     }
     let loaded = read_geometry(args.input.as_ref(), args.unit)?;
     input::warn(&loaded.warnings);
+    let mut table_normal = None;
     let mesh = match loaded.value {
         Geometry::Mesh(mesh) => mesh,
         Geometry::Cloud(cloud) => {
@@ -252,34 +270,43 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Object> {
                 reconstruct(&cloud, &settings).with_context(|| format!("reconstructing {}", args.input))?;
             waiting.finish_and_clear();
             reconstruct_command::describe(&result, human)?;
+            table_normal = result.report.table.map(|table| table.normal.into_inner());
             result.mesh
         }
     };
-    Ok(Object::new(&args.input, mesh, args.mass.unwrap_or(input::ASSUMED_MASS_KG), args.friction))
+    let mass_kg = args.mass.unwrap_or(input::ASSUMED_MASS_KG);
+    Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal })
 }
 
 /// Pose of the mesh's frame in the base frame, and a line that says how it was chosen.
-fn place(args: &PlanArgs, mesh: &Mesh) -> anyhow::Result<(Isometry3<f64>, String)> {
+fn place(
+    args: &PlanArgs,
+    mesh: &Mesh,
+    table_normal: Option<Vector3<f64>>,
+) -> anyhow::Result<(Isometry3<f64>, String)> {
+    let table_m = args.table.height_m().unwrap_or(TABLE_HEIGHT_M);
     let in_base = match args.place {
         Place::Base => true,
         Place::Cell => false,
-        Place::Auto => args.up.is_none() && input::stands_in_cell(mesh),
+        Place::Auto => args.up.is_none() && input::stands_in_cell(mesh, table_m),
     };
     if in_base {
         return Ok((Isometry3::identity(), "object: in the base frame, where the file has it".to_owned()));
     }
-    let (up, why) = match args.up {
-        Some(up) => (Vector3::from(up), "as given"),
-        None => seen_side(mesh).map_or((Vector3::z(), "its own z"), |up| (up, "the side it was seen from")),
+    let (up, why) = match (args.up, table_normal, seen_side(mesh)) {
+        (Some(up), _, _) => (Vector3::from(up), "as given"),
+        (None, Some(normal), _) => (normal, "the normal of the table in the cloud"),
+        (None, None, Some(side)) => (side, "the side that the open surface faces"),
+        (None, None, None) => (Vector3::z(), "its own z"),
     };
     let up = UnitVector::try_new(up, 1e-9).context("--up: (0, 0, 0) is no direction")?;
     let upright = UnitQuaternion::rotation_between_axis(&up, &Vector3::z_axis())
         .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
     let turned = Isometry3::from_parts(nalgebra::Translation3::identity(), upright);
-    let base_from_object = input::standing_at_spot(&mesh.transformed(&turned)) * turned;
+    let base_from_object = input::standing_at_spot(&mesh.transformed(&turned), table_m) * turned;
     let [x, y] = input::SPOT_M;
     let line = format!(
-        "object: on the table at ({x:.2}, {y:.2}, {TABLE_HEIGHT_M:.2}) m, up is {why} ({:.2}, {:.2}, {:.2})",
+        "object: standing at ({x:.2}, {y:.2}, {table_m:.2}) m, up is {why} ({:.2}, {:.2}, {:.2})",
         up.x, up.y, up.z
     );
     Ok((base_from_object, line))

@@ -16,7 +16,7 @@ use crate::plan::attempt::{Grasp, Rejection, palm_sites};
 use crate::plan::candidates::typical;
 use crate::plan::document::{
     ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION,
-    array, frames, mesh_hash, posture, text_hash,
+    array, frames, hand_hash, mesh_hash, posture,
 };
 use crate::plan::motion::arm_motion;
 use crate::plan::scene::Scene;
@@ -99,11 +99,7 @@ impl Planner<'_> {
             format: FORMAT.to_owned(),
             version: VERSION,
             frames: frames(),
-            hand: HandInfo {
-                name: "hit-dlr".to_owned(),
-                // The parameters print in full precision, so that no two hands share a text.
-                sha256: text_hash(&format!("{:?}", scene.hand.model)),
-            },
+            hand: HandInfo { name: "hit-dlr".to_owned(), sha256: hand_hash(&scene.hand.model) },
             arm: scene.arm.as_ref().map(|arm| arm.params().name.clone()),
             object: ObjectInfo {
                 source: self.object.name.clone(),
@@ -207,8 +203,8 @@ impl Planned {
         let document = &self.document;
         writeln!(
             out,
-            "planned {} attempts in {:.2} s ({}): {} force-closure grasps",
-            document.attempts, self.search_s, document.settings.strategy, document.force_closure
+            "planned in {:.2} s ({}): {} attempt(s), {} with force closure",
+            self.search_s, document.settings.strategy, document.attempts, document.force_closure
         )?;
         if let Some(attempt) = self.attempts_to_threshold {
             writeln!(out, "epsilon passed {} at attempt {attempt}", self.threshold)?;

@@ -127,7 +127,7 @@ fn describe(summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
 
 /// An object's mesh standing in the cell, base frame, and the pose that put it there.
 pub(super) fn placed(object: &Object) -> (Mesh, Isometry3<f64>) {
-    let base_from_object = input::standing_at_spot(&object.mesh);
+    let base_from_object = input::standing_at_spot(&object.mesh, TABLE_HEIGHT_M);
     (object.mesh.transformed(&base_from_object), base_from_object)
 }
 

@@ -26,7 +26,7 @@ impl Verdict {
             Self::Held => "held",
             Self::Slipped => "slipped",
             Self::Dropped => "dropped",
-            Self::NotLifted => "not_lifted",
+            Self::NotLifted => "not-lifted",
             Self::Disturbed => "disturbed",
         }
     }

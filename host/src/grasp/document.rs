@@ -191,7 +191,7 @@ fn bracket(quality: &Quality) -> Finding {
 
 fn proof(separation: &Separation) -> Finding {
     let reason = match separation.reason {
-        NoClosure::NoContacts => "no_contacts",
+        NoClosure::NoContacts => "no-contacts",
         NoClosure::Separated => "separated",
         NoClosure::Flat => "flat",
         NoClosure::Boundary => "boundary",

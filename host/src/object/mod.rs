@@ -11,7 +11,10 @@ use std::{fmt, str::FromStr};
 use nalgebra::Point3;
 use parry3d_f64::{
     math::Vector,
-    transformation::vhacd::{VHACD, VHACDParameters},
+    transformation::{
+        try_convex_hull,
+        vhacd::{VHACD, VHACDParameters},
+    },
 };
 use thiserror::Error;
 
@@ -20,6 +23,9 @@ use solids::{HalfSuperellipsoid, cuboid, cylinder_profile, revolve};
 
 /// Friction coefficient of the rubber fingertips on every built-in object: the paper's conservative design value.
 pub const DESIGN_FRICTION: f64 = 0.4;
+
+/// A body that fills this share of its hull's volume counts as convex: scans of convex things fill 0.98 and more.
+const CONVEX_SHARE: f64 = 0.97;
 
 /// Steps about the axis of round objects: a chord of a 90 mm circle stays within 25 um of the arc.
 const SEGMENTS: usize = 96;
@@ -48,19 +54,31 @@ impl Object {
 
     /// Vertices of convex parts whose union is the body, object frame, metres: what a physics engine collides with.
     ///
-    /// Built-in objects know theirs from the construction. A mesh from elsewhere is decomposed approximately (VHACD,
-    /// 64 voxels along its longest side), which takes a moment and needs a closed mesh to be right.
+    /// Built-in objects know theirs from the construction. A mesh from elsewhere that is convex is its own hull; any other
+    /// is decomposed approximately (VHACD, 64 voxels along its longest side), which takes a moment and needs a closed
+    /// mesh to be right.
     #[must_use]
     pub fn convex_pieces(&self) -> Vec<Vec<Point3<f64>>> {
         if let Some(pieces) = &self.pieces {
             return pieces.clone();
         }
         let points: Vec<Vector> = self.mesh.vertices().iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
+        let to_points = |hull: Vec<Vector>| -> Vec<Point3<f64>> {
+            hull.into_iter().map(|p| Point3::new(p.x, p.y, p.z)).collect()
+        };
+        if let Ok((hull, faces)) = try_convex_hull(&points) {
+            let hull = to_points(hull);
+            let hull_m3 =
+                Mesh::new(hull.clone(), faces).map_or(f64::INFINITY, |hull| hull.signed_volume_m3().abs());
+            if self.mesh.is_watertight() && self.mesh.signed_volume_m3() > CONVEX_SHARE * hull_m3 {
+                return vec![hull];
+            }
+        }
         let parameters = VHACDParameters { resolution: 64, ..VHACDParameters::default() };
-        VHACD::decompose(&parameters, &points, self.mesh.faces(), false)
-            .compute_convex_hulls(2)
+        VHACD::decompose(&parameters, &points, self.mesh.faces(), true)
+            .compute_exact_convex_hulls(&points, self.mesh.faces())
             .into_iter()
-            .map(|(hull, _)| hull.into_iter().map(|p| Point3::new(p.x, p.y, p.z)).collect())
+            .map(|(hull, _)| to_points(hull))
             .collect()
     }
 }

@@ -32,17 +32,17 @@ const SELF_OVERLAP_M: f64 = 0.002;
 /// A grasp that passed every check.
 #[derive(Debug, Clone)]
 pub struct Grasp {
-    /// Index into the candidates.
+    /// Index into [`typical`](super::candidates::typical).
     pub candidate: usize,
-    /// Where the palm is and from where it came.
+    /// Where the palm is and from where it came, object frame.
     pub site: Site,
     /// Tips standing off their contacts along the normals, as at the approach site.
     pub pregrasp: HandAngles<f64>,
-    /// All used fingers touching.
+    /// All used fingers touching; joint angles inside the soft limits.
     pub grasp: HandAngles<f64>,
-    /// One contact a used finger.
+    /// One contact for each used finger, in the order of [`FingerId`].
     pub contacts: Vec<GraspContact>,
-    /// Force-closure quality.
+    /// Force-closure quality in the scene's convention.
     pub quality: Quality,
     /// Mean epsilon over sampled errors of the pose, where a search measured it.
     pub expected_epsilon: Option<f64>,
@@ -59,41 +59,44 @@ pub struct GraspContact {
     pub contact: Contact,
 }
 
-/// Why an attempt is no grasp, in the order in which the checks run.
+/// Why an attempt is no grasp, in the order in which the checks run: a later reason came further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Rejection {
     /// The arm cannot bring the palm to the grasp, the approach or the lifted site.
     Unreachable,
-    /// The palm cuts the object at the grasp or on the way there.
-    PalmHitsObject,
-    /// An open finger touches the object at the grasp site or on the way there.
-    FingerHitsObject,
-    /// Palm or fingers go below the table's top.
-    HitsTable,
+    /// A used finger is in the object before it closes.
+    FingerInObject,
     /// A used finger closes in the air.
     FingerMisses,
     /// A finger touches with its side or back, or with a link that a precision grasp does not use.
     NotOnPad,
-    /// Two fingers collide.
-    FingersCollide,
     /// The contacts do not close by force.
     NoForceClosure,
-    /// The iteration cap came before a decision on force closure.
+    /// The metric's iteration cap came before a decision on force closure.
     Undecided,
+    /// Palm or fingers go below the table's top.
+    HitsTable,
+    /// Two fingers collide.
+    FingersCollide,
+    /// The palm cuts the object at the grasp or on the way there.
+    PalmHitsObject,
+    /// A finger that stands off, or is not used, touches the object at the grasp site or on the way there.
+    FingerHitsObject,
 }
 
 impl Rejection {
     /// All reasons, in order.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Unreachable,
-        Self::PalmHitsObject,
-        Self::FingerHitsObject,
-        Self::HitsTable,
+        Self::FingerInObject,
         Self::FingerMisses,
         Self::NotOnPad,
-        Self::FingersCollide,
         Self::NoForceClosure,
         Self::Undecided,
+        Self::HitsTable,
+        Self::FingersCollide,
+        Self::PalmHitsObject,
+        Self::FingerHitsObject,
     ];
 
     /// Key in the plan document.
@@ -101,14 +104,15 @@ impl Rejection {
     pub fn name(self) -> &'static str {
         match self {
             Self::Unreachable => "unreachable",
-            Self::PalmHitsObject => "palm-hits-object",
-            Self::FingerHitsObject => "finger-hits-object",
-            Self::HitsTable => "hits-table",
+            Self::FingerInObject => "finger-in-object",
             Self::FingerMisses => "finger-misses",
             Self::NotOnPad => "not-on-pad",
-            Self::FingersCollide => "fingers-collide",
             Self::NoForceClosure => "no-force-closure",
             Self::Undecided => "undecided",
+            Self::HitsTable => "hits-table",
+            Self::FingersCollide => "fingers-collide",
+            Self::PalmHitsObject => "palm-hits-object",
+            Self::FingerHitsObject => "finger-hits-object",
         }
     }
 }
@@ -159,7 +163,9 @@ pub fn close_hand(scene: &Scene, site: &Site, scratch: &mut AttemptScratch) -> C
     Closed { fingers }
 }
 
-/// Tries one grasp.
+/// Tries one grasp: `candidate` (number `index`) with the palm at `site`.
+///
+/// Errors with the first check that failed, in the order of [`Rejection`].
 pub fn attempt(
     scene: &Scene,
     index: usize,
@@ -180,7 +186,7 @@ pub fn attempt(
             None => {}
             Some(Closing::Touches(touch)) => grasp.fingers[finger.index()] = touch.angles,
             Some(Closing::Misses) => return Err(Rejection::FingerMisses),
-            Some(Closing::StartsInside) => return Err(Rejection::FingerHitsObject),
+            Some(Closing::StartsInside) => return Err(Rejection::FingerInObject),
         }
     }
     let on_rubber = |touch: &Touch| match touch.link {
@@ -198,6 +204,7 @@ pub fn attempt(
     let contacts = closed
         .touches()
         .map(|(finger, touch)| {
+            // Only a friction coefficient that is no number gets here: points and normals are finite.
             let contact = contact(scene, &touch, torsional_m).map_err(|_| Rejection::Undecided)?;
             Ok(GraspContact { finger, link: touch.link, contact })
         })

@@ -108,7 +108,7 @@ fn refine(
                 let from = &kept[index % kept.len()];
                 let about = from.outcome.as_ref().map_or(scene.center_of_mass, contact_middle);
                 let site = perturbed(&from.site, &about, REFINE_SHIFT_M, REFINE_TURN_RAD, &mut rng);
-                Proposal::At { candidate: from.candidate, site }
+                Proposal::At { candidate: from.candidate, site: Box::new(site) }
             })
             .collect();
         let tried = try_all(scene, candidates, &proposals);
@@ -137,7 +137,7 @@ fn rank_by_robustness(scene: &Scene, candidates: &[Candidate], seed: u64, result
             let mut rng = attempt_rng(seed ^ 0x524f_4255_5354, k);
             let about = contact_middle(grasp);
             let site = perturbed(&grasp.site, &about, POSE_ERROR_M, POSE_ERROR_RAD, &mut rng);
-            Proposal::At { candidate: grasp.candidate, site }
+            Proposal::At { candidate: grasp.candidate, site: Box::new(site) }
         })
         .collect();
     let tried = try_all(scene, candidates, &proposals);

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use hand_model::HandAngles;
+use hand_model::{HandAngles, HandModel};
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use protocol::ids::JointId;
 use serde::{Deserialize, Serialize};
@@ -284,10 +284,10 @@ pub fn mesh_hash(mesh: &Mesh) -> String {
     hex(&hash.finalize())
 }
 
-/// SHA-256 of a text, for parameters that print themselves.
+/// SHA-256 over a hand's parameters, as they print in full precision.
 #[must_use]
-pub fn text_hash(text: &str) -> String {
-    hex(&Sha256::digest(text.as_bytes()))
+pub fn hand_hash(hand: &HandModel<f64>) -> String {
+    hex(&Sha256::digest(format!("{hand:?}").as_bytes()))
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -28,6 +28,9 @@ const CORNER_RAD: f64 = 0.001;
 /// Speed of the palm on the straight last way and on the lift, m/s: what the hand's reflexes can still follow.
 const LINE_SPEED_M_PER_S: f64 = 0.10;
 
+/// Links from this one on carry the hand and are always near it.
+const FIRST_WRIST_LINK: usize = 4;
+
 /// Mass of the scanner on the palm's support, kg (assumed: two small cameras, a line laser, a bracket).
 const SCANNER_KG: f64 = 0.35;
 
@@ -66,6 +69,9 @@ pub enum MotionError {
 }
 
 /// Plans approach and lift of one site for an object of `object_kg`.
+///
+/// # Errors
+/// [`MotionError`]: no configuration, links in the way, or too heavy a load.
 pub fn arm_motion(scene: &Scene, arm: &Arm, site: &Site, object_kg: f64) -> Result<ArmMotion, MotionError> {
     let [approach_site, grasp_site, lift_site] = palm_sites(scene, site);
     let limits = load_limits(scene, arm, object_kg)?;
@@ -112,15 +118,34 @@ fn load_limits(scene: &Scene, arm: &Arm, object_kg: f64) -> Result<MotionLimits,
     MotionLimits::for_load(arm, &mode).ok_or(MotionError::TooHeavy { object_kg })
 }
 
-/// Whether a link of the arm touches the table or the object. The base stands on the table's level and is left out.
+/// Whether a link of the arm touches the table, the object or the hand. The base stands on the table's level, and the
+/// wrist carries the hand: those pairs are left out.
 fn links_collide(scene: &Scene, arm: &Arm, q: &Joints) -> bool {
     let frames = arm.link_frames(q);
     let object_from_base = scene.base_from_object.inverse();
-    arm.link_capsules().iter().filter(|capsule| capsule.link > 0).any(|capsule| {
-        let frame = &frames[capsule.link - 1];
-        let ends = [frame * capsule.from, frame * capsule.to];
+    let palm = arm.base_from_palm(q) * scene.hand.palm_from_box;
+    let palm_radius_m = scene.hand.palm_half_extents_m.x.min(scene.hand.palm_half_extents_m.y);
+    arm.link_capsules().iter().any(|capsule| {
+        let ends = match capsule.link.checked_sub(1) {
+            Some(frame) => [frames[frame] * capsule.from, frames[frame] * capsule.to],
+            None => [capsule.from, capsule.to],
+        };
         let lowest_m = ends[0].z.min(ends[1].z) - capsule.radius_m;
-        scene.table_height_m.is_some_and(|table| lowest_m < table + TABLE_CLEARANCE_M)
+        let on_table = capsule.link > 0
+            && scene.table_height_m.is_some_and(|table| lowest_m < table + TABLE_CLEARANCE_M);
+        // The palm as a ball about the middle of its box: small enough to let no pose that is free be refused.
+        let near_palm = capsule.link < FIRST_WRIST_LINK
+            && distance_to_segment_m(&Point3::from(palm.translation.vector), &ends)
+                < capsule.radius_m + palm_radius_m;
+        on_table
+            || near_palm
             || scene.surface.cuts_capsule(&ends.map(|p| object_from_base * p), capsule.radius_m)
     })
+}
+
+/// Distance of a point from the segment between two others, metres.
+fn distance_to_segment_m(point: &Point3<f64>, [a, b]: &[Point3<f64>; 2]) -> f64 {
+    let way = b - a;
+    let share = (point - a).dot(&way) / way.norm_squared().max(f64::MIN_POSITIVE);
+    (a + way * share.clamp(0.0, 1.0) - point).norm()
 }

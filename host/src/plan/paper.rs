@@ -83,7 +83,7 @@ fn refine(
                 let mut rng = attempt_rng(settings.seed, index);
                 let from = &sites[rng.random_range(0..sites.len())];
                 let site = perturbed(&from.site, &geometric_center(scene), SHIFT_M, TURN_RAD, &mut rng);
-                Proposal::At { candidate: from.candidate, site }
+                Proposal::At { candidate: from.candidate, site: Box::new(site) }
             })
             .collect();
         let tried = try_all(scene, candidates, &proposals);

@@ -23,19 +23,19 @@ pub struct Scene {
     /// Centre and scale of torques: the scale is the largest distance of a vertex from the centre of mass (GraspIt's
     /// convention).
     pub wrench_reference: WrenchReference,
-    /// Where the object stands.
+    /// Pose of the object's frame in the base frame.
     pub base_from_object: Isometry3<f64>,
     /// Height of the table's top in the base frame, metres; `None` without a table.
     pub table_height_m: Option<f64>,
     /// The arm, or `None` to plan for the hand alone.
     pub arm: Option<Arm>,
-    /// The hand.
+    /// The hand's kinematics and its bodies.
     pub hand: HandBody,
     /// Coulomb friction coefficient between tips and object.
     pub friction: f64,
-    /// How quality is measured.
+    /// Convention and tolerance of the metric.
     pub quality: QualitySettings,
-    /// How far the approach site lies behind the grasp site along the palm's z axis, metres.
+    /// How far the approach site lies behind the grasp site along the approach's direction, metres.
     pub approach_m: f64,
     /// How far the object is to be lifted, metres.
     pub lift_m: f64,

@@ -29,7 +29,7 @@ impl Default for SearchSettings {
     }
 }
 
-/// What a search found.
+/// What a search found. Grasps are in the scene's object frame.
 #[derive(Debug, Clone)]
 pub struct SearchResult {
     /// Attempts made.
@@ -93,12 +93,12 @@ pub enum Proposal {
     At {
         /// Index of the candidate.
         candidate: usize,
-        /// Where.
-        site: Site,
+        /// Where. Boxed: it is five times the size of an approach.
+        site: Box<Site>,
     },
 }
 
-/// What became of a proposal.
+/// What became of a proposal: the site as tried, object frame, after settling if that was asked for.
 #[derive(Debug, Clone)]
 pub struct Tried {
     /// Index of the candidate.
@@ -119,7 +119,7 @@ pub fn try_all(scene: &Scene, candidates: &[Candidate], proposals: &[Proposal]) 
                 Proposal::Settle { candidate, approach, target_in_object } => {
                     (*candidate, settle(scene, &candidates[*candidate], approach, target_in_object, scratch))
                 }
-                Proposal::At { candidate, site } => (*candidate, site.clone()),
+                Proposal::At { candidate, site } => (*candidate, Site::clone(site)),
             };
             let outcome = attempt(scene, index, &candidates[index], &site, scratch);
             Tried { candidate: index, site, outcome }
