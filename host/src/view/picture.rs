@@ -19,19 +19,19 @@ const TABLE: Color = [226, 228, 226];
 const BACKGROUND: Color = [250, 250, 248];
 
 /// Length of a drawn friction cone, metres.
-const CONE_M: f64 = 0.018;
+const CONE_M: f64 = 0.030;
 
-/// What to draw. Everything in the base frame.
+/// What to draw.
 pub struct Picture<'a> {
-    /// The object.
+    /// The object, in its own frame.
     pub object: &'a Mesh,
     /// The hand's shape.
     pub hand: &'a HandBody,
-    /// Pose of the palm.
+    /// Pose of the palm in the base frame.
     pub base_from_palm: Isometry3<f64>,
     /// Joint angles.
     pub angles: &'a HandAngles<f64>,
-    /// Contacts, each drawn as its friction cone on the outside of the object.
+    /// Contacts, object frame, each drawn as its friction cone on the outside of the object.
     pub contacts: &'a [Contact],
     /// Pose of the frame in which object and contacts are given.
     pub base_from_object: Isometry3<f64>,
@@ -76,6 +76,11 @@ impl Picture<'_> {
                 self.base_from_palm * self.hand.palm_from_finger_base(finger, self.angles.thumb_rotation_rad);
             self.hand.bead_centers(&self.angles.fingers[finger.index()], &mut centers);
             let root = base * Point3::origin();
+            // The carrier of the finger, from the palm's nearest point; the models give no shape for it.
+            let in_box = base_from_box.inverse() * root;
+            let half = &self.hand.palm_half_extents_m;
+            let nearest = Point3::from(in_box.coords.zip_map(half, |c, half: f64| c.clamp(-half, half)));
+            push_tube(triangles, &(base_from_box * nearest), &root, self.hand.beads()[0].radius_m, PALM);
             let joints: Vec<(Point3<f64>, f64)> = std::iter::once((root, self.hand.beads()[0].radius_m))
                 .chain(self.hand.beads().iter().zip(&centers).map(|(bead, c)| (base * c, bead.radius_m)))
                 .collect();
@@ -100,18 +105,25 @@ impl Picture<'_> {
                 Rotation3::from_scaled_axis(outward * (std::f64::consts::TAU * k as f64 / SIDES as f64));
             apex + CONE_M * (outward + turn * across * contact.friction())
         };
-        triangles
-            .extend((0..SIDES).map(|k| Triangle { corners: [apex, ring(k), ring(k + 1)], color: CONES }));
+        triangles.extend((0..SIDES).map(|k| Triangle {
+            corners: [apex, ring(k), ring(k + 1)],
+            color: CONES,
+            mark: true,
+        }));
     }
 }
 
 fn push_mesh(triangles: &mut Vec<Triangle>, mesh: &Mesh, color: Color) {
-    triangles.extend((0..mesh.faces().len()).map(|face| Triangle { corners: mesh.corners(face), color }));
+    triangles.extend((0..mesh.faces().len()).map(|face| Triangle {
+        corners: mesh.corners(face),
+        color,
+        mark: false,
+    }));
 }
 
 fn push_quad(triangles: &mut Vec<Triangle>, [a, b, c, d]: [Point3<f64>; 4], color: Color) {
-    triangles.push(Triangle { corners: [a, b, c], color });
-    triangles.push(Triangle { corners: [a, c, d], color });
+    triangles.push(Triangle { corners: [a, b, c], color, mark: false });
+    triangles.push(Triangle { corners: [a, c, d], color, mark: false });
 }
 
 fn push_box(triangles: &mut Vec<Triangle>, frame: &Isometry3<f64>, half_m: &Vector3<f64>, color: Color) {

@@ -13,6 +13,8 @@ pub struct Triangle {
     pub corners: [Point3<f64>; 3],
     /// Its colour in full light.
     pub color: Color,
+    /// Whether it is a mark that shines through everything solid, half transparent.
+    pub mark: bool,
 }
 
 /// Where the picture is taken from.
@@ -31,6 +33,12 @@ const SUPERSAMPLING: u32 = 3;
 
 /// Nearest distance that is drawn, metres.
 const NEAR_M: f64 = 0.01;
+
+/// Solids or marks: each with a depth buffer of its own.
+struct Layer {
+    depth: Vec<f64>,
+    color: Vec<Color>,
+}
 
 /// Draws triangles with a depth buffer, both sides lit by a lamp beside the camera and one from above.
 ///
@@ -51,9 +59,10 @@ pub fn render(
         Vector3::new(-0.2, 0.3, 1.0).normalize(),
     ];
 
-    let mut depth = vec![f64::INFINITY; w * h];
-    let mut color = vec![background; w * h];
+    let mut layers =
+        [(); 2].map(|()| Layer { depth: vec![f64::INFINITY; w * h], color: vec![background; w * h] });
     for triangle in triangles {
+        let Layer { depth, color } = &mut layers[usize::from(triangle.mark)];
         let seen = triangle.corners.map(|p| view * p);
         if seen.iter().any(|p| -p.z < NEAR_M) {
             continue;
@@ -96,6 +105,15 @@ pub fn render(
         }
     }
 
+    let [Layer { mut color, .. }, marks] = layers;
+    for (solid, (mark, depth)) in color.iter_mut().zip(marks.color.iter().zip(&marks.depth)) {
+        if depth.is_finite() {
+            for (channel, over) in solid.iter_mut().zip(mark) {
+                *channel = ((u16::from(*channel) + u16::from(*over)) / 2) as u8;
+            }
+        }
+    }
+
     RgbImage::from_fn(width, height, |x, y| {
         let mut sum = [0u32; 3];
         for dy in 0..SUPERSAMPLING {
@@ -120,8 +138,8 @@ mod tests {
         let square = |z: f64, half: f64, color| {
             let p = |x: f64, y: f64| Point3::new(x * half, y * half, z);
             [
-                Triangle { corners: [p(-1.0, -1.0), p(1.0, -1.0), p(1.0, 1.0)], color },
-                Triangle { corners: [p(-1.0, -1.0), p(1.0, 1.0), p(-1.0, 1.0)], color },
+                Triangle { corners: [p(-1.0, -1.0), p(1.0, -1.0), p(1.0, 1.0)], color, mark: false },
+                Triangle { corners: [p(-1.0, -1.0), p(1.0, 1.0), p(-1.0, 1.0)], color, mark: false },
             ]
         };
         let (red, blue) = ([250, 0, 0], [0, 0, 250]);
@@ -138,5 +156,10 @@ mod tests {
         assert!(hue(32, 32).0, "red in front");
         assert!(hue(20, 40).1, "blue around it");
         assert!(hue(0, 0).2, "background outside");
+
+        triangles.iter_mut().skip(2).for_each(|triangle| triangle.mark = true);
+        let through = render(&triangles, &camera, 64, 64, [255, 255, 255]);
+        let Rgb([red, green, blue]) = *through.get_pixel(32, 32);
+        assert!(red > 60 && green == 0 && blue > 60, "a mark shines through what is in front of it");
     }
 }
