@@ -52,13 +52,13 @@ pub struct DemoArgs {
     #[arg(long, value_enum, default_value_t)]
     pub sweeps: Sweeps,
     /// Friction coefficient that is planned with and simulated
-    #[arg(long, default_value_t = 0.4, value_parser = input::not_negative)]
+    #[arg(long, default_value_t = 0.4, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub friction: f64,
     /// Mass of the object in kg; by default that of the built-in object, or 0.1
-    #[arg(long, value_name = "KG", value_parser = input::positive)]
+    #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
     /// Seed of every random choice
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Unit of the object's file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
@@ -87,7 +87,8 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
 
     let clock = Instant::now();
     let waiting = spinner("scan");
-    let (sweeps, scan) = scan_command::sweep(&true_mesh, &args.sweeps.settings(), args.seed)?;
+    let (sweeps, scan) = scan_command::sweep(&true_mesh, &args.sweeps.settings(), args.seed)
+        .with_context(|| format!("scanning {}", object.name))?;
     waiting.finish_and_clear();
     write_cloud(&file("cloud.ply"), &scan.cloud)?;
     let scan_s = clock.elapsed().as_secs_f64();
@@ -108,7 +109,8 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         ..Default::default()
     };
     let waiting = spinner("surface");
-    let surface = reconstruct(&scan.cloud, &settings).context("reconstructing the scan")?;
+    let surface = reconstruct(&scan.cloud, &settings)
+        .with_context(|| format!("reconstructing the scan of {}", object.name))?;
     waiting.finish_and_clear();
     write_mesh(&file("mesh.stl"), &surface.mesh)?;
     write_mesh(&file("mesh.iv"), &surface.mesh)?;

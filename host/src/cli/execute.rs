@@ -1,5 +1,6 @@
 //! `prehend execute`: run a plan on the twin.
 
+use std::f64::consts::PI;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -7,7 +8,7 @@ use anyhow::{Context, bail, ensure};
 use clap::Args;
 use hand_model::{HandAngles, HandModel};
 use nalgebra::Isometry3;
-use protocol::ids::FingerId;
+use protocol::ids::{FingerId, JointId};
 use serde_json::{Value, json};
 
 use super::{Outcome, input, write_json};
@@ -15,11 +16,16 @@ use crate::exec::{Event, EventKind, Execution, ExecutionPlan, ExecutionSettings,
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::link::ThumbLaw;
 use crate::object::{BuiltIn, Object};
-use crate::plan::document::{GraspInfo, PlanDocument, hand_angles, hand_hash, mesh_hash};
+use crate::plan::document::{GraspInfo, PlanDocument, Pose, Posture, hand_angles, hand_hash, mesh_hash};
 use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin};
 
 /// Largest plan document that is read, bytes.
 const MAX_BYTES: u64 = 1 << 30;
+
+/// Farthest from the base that a plan may place hand, object or table, metres: beyond any arm's reach.
+const ROOM_M: f64 = 5.0;
+/// Longest straight way to the grasp, metres: a long one would take the simulation forever.
+const WAY_M: f64 = 1.0;
 
 /// Friction of bare links and of the table on the object: metal and wood on plastic (assumed).
 const LINK_FRICTION: f64 = 0.3;
@@ -38,25 +44,25 @@ pub struct ExecuteArgs {
     #[arg(long, default_value = "twin", value_parser = link)]
     pub link: LinkChoice,
     /// Which grasp of the plan, 1 is the best
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub grasp: u32,
     /// What really stands there, by default what was planned on: a built-in object or a mesh file. For a plan on a scan it
     /// stands at the cell's spot (or where its file has it in the base frame); else it takes the planned object's pose
     #[arg(long, value_name = "OBJECT")]
     pub object: Option<String>,
     /// True friction between fingertips and object; by default what the plan counts on
-    #[arg(long, value_parser = input::not_negative)]
+    #[arg(long, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub friction: Option<f64>,
     /// True mass in kg; by default what the plan counts on
-    #[arg(long, value_name = "KG", value_parser = input::positive)]
+    #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
     /// Seed of the sensors' noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Unit of the object's mesh file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
     pub unit: Unit,
-    /// Record of the run to write
+    /// Record of the run to write, or - for standard output
     #[arg(short, long, value_name = "RUN.json")]
     pub output: Option<PathBuf>,
     /// Print one JSON document on standard output
@@ -87,6 +93,8 @@ pub(super) struct Truth {
 
 /// Runs the command.
 pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    let to_stdout = args.output.as_deref() == Some(Path::new("-"));
+    ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let document = read_plan(&args.plan).with_context(|| format!("reading {}", args.plan.display()))?;
     let count = document.grasps.len();
     ensure!(count > 0, "{} has no grasp to execute", args.plan.display());
@@ -95,11 +103,15 @@ pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     };
     let truth = truth(args, &document)?;
     let LinkChoice::Twin = args.link;
-    let execution = on_twin(&document, grasp, &truth, args.seed)?;
-    if let Some(path) = &args.output {
-        write_record(path, &execution)?;
+    let execution = on_twin(&document, grasp, &truth, args.seed)
+        .with_context(|| format!("executing {}", args.plan.display()))?;
+    match &args.output {
+        Some(path) if !to_stdout => write_record(path, &execution)?,
+        _ => {}
     }
-    if args.json {
+    if to_stdout {
+        write_line(out, &record(&execution))?;
+    } else if args.json {
         write_json(out, &summary(&execution))?;
     } else {
         describe(&execution, out)?;
@@ -125,6 +137,7 @@ fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
 fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     let planned = &document.object;
     let friction = args.friction.unwrap_or(planned.friction);
+    ensure!(friction >= 0.0, "{}: friction {friction} is no coefficient", args.plan.display());
     let mut object = match &args.object {
         Some(name) => input::object(name, args.unit, args.mass, friction)?,
         None => {
@@ -146,7 +159,8 @@ fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     };
     object.mass_kg =
         args.mass.unwrap_or(if args.object.is_some() { object.mass_kg } else { planned.mass_kg });
-    let planned_pose = planned.base_from_object.to_isometry("base_from_object")?;
+    let planned_pose = pose(planned.base_from_object, "base_from_object")
+        .with_context(|| format!("reading {}", args.plan.display()))?;
     let table_m = document.table_height_m.unwrap_or(input::TABLE_HEIGHT_M);
     // A scan is in the base frame; the object itself is not, unless its file says so.
     let planned_on_scan = planned_pose == Isometry3::identity();
@@ -174,6 +188,29 @@ fn planned_object(source: &str, unit: Unit, friction: f64) -> anyhow::Result<Obj
         .context("reading the object that was planned on (--object names another)")
 }
 
+/// A pose of a plan, in a room and with an orientation.
+fn pose(pose: Pose, name: &'static str) -> anyhow::Result<Isometry3<f64>> {
+    let isometry = pose.to_isometry(name)?;
+    let far_m = isometry.translation.vector.amax();
+    ensure!(far_m <= ROOM_M, "{name} is {far_m:e} m from the base: out of reach");
+    // A quaternion of huge numbers loses its length on the way.
+    let [w, x, y, z] = pose.orientation_wxyz;
+    ensure!(
+        (isometry.rotation.norm() - 1.0).abs() < 1e-6,
+        "{name} has no orientation: ({w:e}, {x:e}, {y:e}, {z:e})"
+    );
+    Ok(isometry)
+}
+
+/// A posture of a plan, within half a turn of the stretched hand.
+fn angles(posture: &Posture, name: &'static str) -> anyhow::Result<HandAngles<f64>> {
+    let angles = hand_angles(posture, name)?;
+    for (joint, angle_rad) in JointId::ALL.iter().zip(angles.to_array()) {
+        ensure!(angle_rad.abs() <= PI, "{name}: {} cannot turn to {angle_rad:e} rad", joint.name());
+    }
+    Ok(angles)
+}
+
 /// Executes one grasp on the simulated hand.
 pub(super) fn on_twin(
     document: &PlanDocument,
@@ -182,14 +219,18 @@ pub(super) fn on_twin(
     seed: u64,
 ) -> anyhow::Result<Execution> {
     let plan = ExecutionPlan {
-        approach_site: grasp.approach_site.to_isometry("approach_site")?,
-        grasp_site: grasp.grasp_site.to_isometry("grasp_site")?,
-        pregrasp: hand_angles(&grasp.pregrasp, "pregrasp")?,
-        grasp: hand_angles(&grasp.grasp, "grasp")?,
-        squeeze: hand_angles(&grasp.squeeze, "squeeze")?,
+        approach_site: pose(grasp.approach_site, "approach_site")?,
+        grasp_site: pose(grasp.grasp_site, "grasp_site")?,
+        pregrasp: angles(&grasp.pregrasp, "pregrasp")?,
+        grasp: angles(&grasp.grasp, "grasp")?,
+        squeeze: angles(&grasp.squeeze, "squeeze")?,
         friction: document.object.friction,
         thumb: ThumbLaw::Impedance,
     };
+    let way_m = (plan.grasp_site.translation.vector - plan.approach_site.translation.vector).norm();
+    ensure!(way_m <= WAY_M, "approach_site is {way_m} m from grasp_site");
+    let table_m = truth.table_height_m.unwrap_or(0.0);
+    ensure!(table_m.abs() <= ROOM_M, "table_height_m {table_m:e} is out of reach");
     let hand: HandModel<f64> = HandModel::hit_dlr();
     let open: HandAngles<f64> = plan.pregrasp;
     let object = &truth.object;
@@ -207,12 +248,25 @@ pub(super) fn on_twin(
         friction: Friction { tip: object.friction, link: LINK_FRICTION, table: TABLE_FRICTION },
         gravity: crate::twin::plant::GRAVITY,
     };
-    let mut twin = Twin::new(&scene, SensorParameters::hit_dlr(), seed)?;
+    let mut twin = Twin::new(&scene, SensorParameters::hit_dlr(), seed)
+        .with_context(|| format!("simulating {}", object.name))?;
     Ok(execute(&hand, &plan, &ExecutionSettings::default(), &mut twin)?)
 }
 
-/// Writes what happened and the trace.
+/// Writes what happened and the trace to a file.
 pub(super) fn write_record(path: &Path, execution: &Execution) -> anyhow::Result<()> {
+    let record = record(execution);
+    write_atomically(path, |writer| write_line(writer, &record))?;
+    Ok(())
+}
+
+fn write_line(writer: &mut dyn Write, record: &Value) -> std::io::Result<()> {
+    serde_json::to_writer(&mut *writer, record)?;
+    writeln!(writer)
+}
+
+/// What happened and the trace.
+fn record(execution: &Execution) -> Value {
     let mut record = summary(execution);
     if let Value::Object(fields) = &mut record {
         let trace: Vec<Value> = execution
@@ -232,11 +286,7 @@ pub(super) fn write_record(path: &Path, execution: &Execution) -> anyhow::Result
             .collect();
         fields.insert("trace".to_owned(), Value::Array(trace));
     }
-    write_atomically(path, |writer| {
-        serde_json::to_writer(&mut *writer, &record)?;
-        writeln!(writer)
-    })?;
-    Ok(())
+    record
 }
 
 fn summary(execution: &Execution) -> Value {

@@ -66,15 +66,15 @@ pub(super) fn object(name: &str, unit: Unit, mass_kg: Option<f64>, friction: f64
         bail!("{}", crate::object::ObjectError::UnknownName(name.to_owned()));
     }
     let loaded = read_mesh(path, unit)?;
-    warn(&loaded.warnings);
+    warn(name, &loaded.warnings);
     Ok(Object::new(name, loaded.value, mass_kg.unwrap_or(ASSUMED_MASS_KG), friction))
 }
 
-/// Prints warnings to stderr, a line each.
-pub(super) fn warn(warnings: &[String]) {
+/// Prints warnings about a file to stderr, a line each.
+pub(super) fn warn(file: impl std::fmt::Display, warnings: &[String]) {
     for warning in warnings {
         // Nobody is left to tell when stderr is gone.
-        let _ = writeln!(std::io::stderr(), "warning: {warning}");
+        let _ = writeln!(std::io::stderr(), "warning: {file}: {warning}");
     }
 }
 

@@ -66,7 +66,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         // Whoever reads from us has seen enough.
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {
-            report(&format!("{error:#}"));
+            report(&chain(&error));
             2
         }
     }
@@ -96,12 +96,14 @@ fn usage(error: &clap::Error) -> u8 {
     }
     let text = error.to_string();
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
-    // The first line, and what belongs to it when that ends in a colon (the missing arguments).
+    // The first line, and what belongs to it: the words that would do, or the arguments that are missing.
     let mut message = lines.first().copied().unwrap_or("wrong call").trim_start_matches("error: ").to_owned();
     if message.ends_with(':') {
         for line in lines.iter().skip(1).take_while(|line| !line.starts_with("Usage")) {
             message = format!("{message} {line}");
         }
+    } else if let Some(words) = lines.get(1).filter(|line| line.starts_with("[possible values")) {
+        message = format!("{message} {words}");
     }
     report(&format!("{message} (see prehend --help)"));
     2
@@ -113,11 +115,24 @@ fn report(message: &str) {
     let _ = writeln!(io::stderr(), "error: {line}");
 }
 
+/// An error and its causes. Some errors tell their cause in their own words: it is not told again.
+fn chain(error: &anyhow::Error) -> String {
+    let mut text = error.to_string();
+    for cause in error.chain().skip(1).map(ToString::to_string) {
+        if !text.ends_with(&cause) {
+            text = format!("{text}: {cause}");
+        }
+    }
+    text
+}
+
 fn is_broken_pipe(error: &anyhow::Error) -> bool {
-    error
-        .chain()
-        .filter_map(|cause| cause.downcast_ref::<io::Error>())
-        .any(|cause| cause.kind() == io::ErrorKind::BrokenPipe)
+    error.chain().any(|cause| {
+        let of_system = cause.downcast_ref::<io::Error>().map(io::Error::kind);
+        // serde_json does not show the system's error as the cause of its own.
+        let of_json = cause.downcast_ref::<serde_json::Error>().and_then(serde_json::Error::io_error_kind);
+        of_system.or(of_json) == Some(io::ErrorKind::BrokenPipe)
+    })
 }
 
 /// Writes one JSON document and a line end.

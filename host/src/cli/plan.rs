@@ -37,16 +37,16 @@ pub struct PlanArgs {
     #[arg(long, value_enum, default_value_t)]
     pub strategy: Strategy,
     /// Most attempts; 300 for paper, 1000 for best
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000), allow_negative_numbers = true)]
     pub attempts: Option<u32>,
     /// Epsilon at which the paper's search stops
-    #[arg(long, default_value_t = 0.2, value_parser = input::not_negative)]
+    #[arg(long, default_value_t = 0.2, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub threshold: f64,
     /// Coulomb friction coefficient between fingertips and object
-    #[arg(long, default_value_t = 0.4, value_parser = input::not_negative)]
+    #[arg(long, default_value_t = 0.4, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub friction: f64,
     /// Mass of the object in kg; by default that of the built-in object, or 0.1
-    #[arg(long, value_name = "KG", value_parser = input::positive)]
+    #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
     /// Hand to plan for
     #[arg(long, value_enum, default_value_t)]
@@ -65,13 +65,13 @@ pub struct PlanArgs {
     #[arg(long, value_name = "X,Y,Z", value_parser = input::triple, allow_hyphen_values = true)]
     pub up: Option<[f64; 3]>,
     /// How many grasps to write, best first
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    pub top: usize,
+    #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub top: u32,
     /// Write all grasps
     #[arg(long)]
     pub all: bool,
     /// Seed of every random choice
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Unit of the file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
@@ -199,7 +199,7 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     };
     let progress = bar(settings.attempts, "attempts");
     let planner = Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings };
-    let top = if args.all { usize::MAX } else { args.top };
+    let top = if args.all { usize::MAX } else { args.top as usize };
     let planned = planner.plan(top, &|done| progress.set_position(done as u64));
     progress.finish_and_clear();
 
@@ -254,7 +254,7 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
         return Ok(Input { object, table_normal: None });
     }
     let loaded = read_geometry(args.input.as_ref(), args.unit)?;
-    input::warn(&loaded.warnings);
+    input::warn(&args.input, &loaded.warnings);
     let mut table_normal = None;
     let mesh = match loaded.value {
         Geometry::Mesh(mesh) => mesh,
@@ -294,7 +294,11 @@ fn place(
         return Ok((Isometry3::identity(), "object: in the base frame, where the file has it".to_owned()));
     }
     let (up, why) = match (args.up, table_normal, seen_side(mesh)) {
-        (Some(up), _, _) => (Vector3::from(up), "as given"),
+        (Some(up), _, _) => {
+            let up = Vector3::from(up);
+            // Scaled, so that no length overflows.
+            (up / up.amax(), "as given")
+        }
         (None, Some(normal), _) => (normal, "the normal of the table in the cloud"),
         (None, None, Some(side)) => (side, "the side that the open surface faces"),
         (None, None, None) => (Vector3::z(), "its own z"),

@@ -23,12 +23,15 @@ torque_scale_m (largest distance of a contact from it)"#;
 
 /// Measure a grasp: force closure or not, and epsilon, the worst disturbance that it withstands
 #[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  prehend quality contacts.json\n  prehend quality contacts.json --edges 8 --json\n  prehend quality - --norm linf < contacts.json"
+)]
 pub struct QualityArgs {
     /// Contacts as a JSON document; `-` reads standard input
     #[arg(value_name = "CONTACTS.json", long_help = DOCUMENT)]
     pub path: PathBuf,
     /// Edges of the friction pyramids, or `exact` for the circular cone
-    #[arg(long, value_name = "N|exact", default_value = "exact", value_parser = cone)]
+    #[arg(long, value_name = "N|exact", default_value = "exact", value_parser = cone, allow_negative_numbers = true)]
     pub edges: ConeModel,
     /// What bounds the effort of the fingers
     #[arg(long, value_enum, default_value_t)]
@@ -37,7 +40,7 @@ pub struct QualityArgs {
     #[arg(long, value_enum, default_value_t)]
     pub force_norm: ForceNormArg,
     /// Relative gap between the bounds on epsilon at which the search is done
-    #[arg(long, value_name = "GAP", default_value_t = Settings::default().tolerance, value_parser = tolerance)]
+    #[arg(long, value_name = "GAP", default_value_t = Settings::default().tolerance, value_parser = tolerance, allow_negative_numbers = true)]
     pub tolerance: f64,
     /// Print one JSON document
     #[arg(long)]

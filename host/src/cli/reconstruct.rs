@@ -35,13 +35,13 @@ pub struct ReconstructArgs {
     #[arg(long)]
     pub close: bool,
     /// Cell of the surface lattice in metres; by default from the cloud's density
-    #[arg(long, value_name = "M", value_parser = input::positive)]
+    #[arg(long, value_name = "M", value_parser = input::positive, allow_negative_numbers = true)]
     pub cell: Option<f64>,
     /// Unit of the cloud file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
     pub unit: Unit,
     /// Seed of the search for the table
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Print one JSON document on standard output
     #[arg(long)]
@@ -89,7 +89,7 @@ pub fn run(args: &ReconstructArgs, out: &mut dyn Write) -> anyhow::Result<Outcom
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let format = if to_stdout { MeshFormat::Ply } else { MeshFormat::from_path(&args.output)? };
     let loaded = read_cloud(&args.cloud, args.unit)?;
-    input::warn(&loaded.warnings);
+    input::warn(args.cloud.display(), &loaded.warnings);
     let settings = Settings {
         cell_m: args.cell,
         crop: args.crop.map(|[low, high]| (Point3::from(low), Point3::from(high))),

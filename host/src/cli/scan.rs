@@ -3,6 +3,7 @@
 use std::io::Write;
 use std::path::PathBuf;
 
+use anyhow::Context;
 use clap::{Args, ValueEnum};
 use nalgebra::{Isometry3, Point3};
 use serde::Serialize;
@@ -33,7 +34,7 @@ pub struct ScanArgs {
     #[arg(long, value_enum, default_value_t)]
     pub sweeps: Sweeps,
     /// Seed of the noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Unit of the mesh file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
@@ -84,7 +85,8 @@ pub fn run(args: &ScanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let format = if to_stdout { CloudFormat::Ply } else { CloudFormat::from_path(&args.output)? };
     let object = input::object(&args.object, args.unit, None, 0.4)?;
     let (mesh, _) = placed(&object);
-    let (sweeps, mut scan) = sweep(&mesh, &args.sweeps.settings(), args.seed)?;
+    let (sweeps, mut scan) = sweep(&mesh, &args.sweeps.settings(), args.seed)
+        .with_context(|| format!("scanning {}", object.name))?;
     if args.no_table {
         scan.cloud = scan.cloud.filtered(|_, p| p.z > TABLE_HEIGHT_M + 0.001);
     }

@@ -1,0 +1,91 @@
+//! `prehend quality` against closed forms.
+
+use std::fs;
+use std::io::Write;
+use std::process::Stdio;
+
+use serde_json::{Value, json};
+
+use crate::{command, number, prehend};
+
+/// The corners of a tetrahedron on the unit sphere, friction `mu`, lengths multiplied by `scale`.
+fn tetrahedron(mu: f64, scale: f64) -> Value {
+    let corner = scale / f64::sqrt(3.0);
+    let contacts: Vec<Value> = [[1.0, 1.0, 1.0], [1.0, -1.0, -1.0], [-1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]]
+        .iter()
+        .map(|p| json!({"point": p.map(|c| corner * c), "normal": p.map(|c| -c), "friction": mu}))
+        .collect();
+    json!({"contacts": contacts, "center_of_mass": [0, 0, 0], "torque_scale_m": scale})
+}
+
+/// Two contacts that face each other, hard or with torsional friction.
+fn pinch(torsional_m: f64) -> Value {
+    let contact = |x: f64| json!({"point": [x, 0, 0], "normal": [-x, 0, 0], "friction": 0.4, "torsional_m": torsional_m});
+    json!({"contacts": [contact(0.03), contact(-0.03)], "center_of_mass": [0, 0, 0], "torque_scale_m": 0.03})
+}
+
+fn measured(contacts: &Value, options: &str) -> (i32, Value) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("contacts.json"), contacts.to_string()).unwrap();
+    let ran = prehend(folder.path(), &format!("quality contacts.json --json {options}"));
+    (ran.status, ran.json())
+}
+
+#[test]
+fn tetrahedron_has_the_epsilon_of_its_closed_form() {
+    for mu in [0.2, 0.4, 0.8] {
+        for scale in [1.0, 0.03] {
+            let exact = mu / f64::sqrt(2.0);
+            let (status, found) = measured(&tetrahedron(mu, scale), "--tolerance 1e-6");
+            assert_eq!((status, &found["closure"]), (0, &true.into()));
+            let [low, high] = ["/epsilon_low", "/epsilon_high"].map(|key| number(&found, key));
+            assert!(
+                low <= exact * (1.0 + 1e-12) && exact * (1.0 - 1e-12) <= high,
+                "{exact} in [{low}, {high}]"
+            );
+            assert!(high - low <= 1e-6 * high, "[{low}, {high}]");
+            assert_eq!(number(&found, "/epsilon"), low);
+            assert_eq!(number(&found, "/convention/torque_scale_m"), scale);
+        }
+    }
+}
+
+#[test]
+fn four_edges_give_what_qhull_gives() {
+    let (status, found) = measured(&tetrahedron(0.4, 1.0), "--edges 4");
+    assert_eq!(status, 0);
+    assert!((number(&found, "/epsilon") - 0.250488927).abs() < 1e-8, "{found}");
+    assert_eq!(found["convention"]["edges"], 4);
+}
+
+#[test]
+fn two_hard_contacts_never_close_and_two_soft_ones_do() {
+    let (status, hard) = measured(&pinch(0.0), "");
+    assert_eq!((status, &hard["closure"]), (1, &false.into()));
+    assert!(hard.get("epsilon").is_none(), "{hard}");
+    // Nothing turns the object about the line through the contacts.
+    let direction = hard["separating_direction"].as_array().unwrap();
+    assert!((direction[3].as_f64().unwrap().abs() - 1.0).abs() < 1e-6, "{hard}");
+    let (status, soft) = measured(&pinch(0.01), "");
+    assert_eq!((status, &soft["closure"]), (0, &true.into()));
+    assert!(number(&soft, "/epsilon") > 0.01, "{soft}");
+}
+
+#[test]
+fn standard_input_is_as_good_as_a_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let contacts = tetrahedron(0.4, 1.0).to_string();
+    fs::write(folder.path().join("contacts.json"), &contacts).unwrap();
+    let from_file = prehend(folder.path(), "quality contacts.json").ends_with(0);
+    assert!(String::from_utf8_lossy(&from_file.stdout).contains("force closure, epsilon 0.2828"));
+
+    let mut child = command(folder.path(), &["quality", "-"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(contacts.as_bytes()).unwrap();
+    let output = child.wait_with_output().unwrap();
+    assert_eq!((output.status.code(), output.stdout), (Some(0), from_file.stdout));
+}

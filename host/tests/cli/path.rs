@@ -1,0 +1,118 @@
+//! From scan to lift, over files.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::{command, number, prehend, ran};
+
+#[test]
+fn files_lead_from_scan_to_lift() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |call: &str| prehend(folder.path(), call);
+
+    let scan = run("scan --virtual cube -o cloud.ply --json").ends_with(0).json();
+    assert!(number(&scan, "/points") > number(&scan, "/object_points"));
+
+    let surface = run("reconstruct cloud.ply --table 0 --close -o mesh.stl --json").ends_with(0).json();
+    assert_eq!(number(&surface, "/points"), number(&scan, "/points"));
+    assert!(number(&surface, "/triangles") > 1000.0, "{surface}");
+    assert!((0.0..60.0).contains(&number(&surface, "/seconds")), "{surface}");
+    assert_eq!((&surface["watertight"], &surface["components"]), (&true.into(), &1.into()));
+
+    let plan = run("plan mesh.stl --strategy paper -o plan.json --json").ends_with(0).json();
+    let written: Value = serde_json::from_slice(&fs::read(folder.path().join("plan.json")).unwrap()).unwrap();
+    let grasps = written["grasps"].as_array().unwrap();
+    let attempts = number(&plan, "/attempts");
+    assert!((1.0..=300.0).contains(&attempts), "{plan}");
+    assert_eq!(number(&plan, "/grasps"), grasps.len() as f64);
+    assert!((1.0..=attempts).contains(&number(&plan, "/force_closure")), "{plan}");
+    assert!(number(&plan, "/seconds/total") >= number(&plan, "/seconds/search"));
+    assert_eq!(plan["best"]["strategy"], "paper");
+    assert_eq!(plan["best"]["epsilon"], grasps[0]["quality"]["epsilon"]);
+    assert!((0.01..1.0).contains(&number(&plan, "/best/epsilon")), "{plan}");
+    let rejected =
+        plan["rejected"].as_object().unwrap().values().map(|count| count.as_u64().unwrap()).sum::<u64>();
+    assert!(rejected as f64 <= attempts, "{plan}");
+
+    let execution = run("execute plan.json --link twin --json").ends_with(0).json();
+    assert_eq!(execution["verdict"], "held");
+    assert!((0.08..0.12).contains(&number(&execution, "/lift_height_m")), "{execution}");
+
+    // The negative control: nobody lifts a cube with soaped fingers.
+    let slippery = run("execute plan.json --link twin --friction 0.02 --json").ends_with(1).json();
+    assert_ne!(slippery["verdict"], "held");
+    assert!(number(&slippery, "/lift_height_m") < 0.05, "{slippery}");
+}
+
+#[test]
+fn text_for_people_names_what_was_written() {
+    let folder = tempfile::tempdir().unwrap();
+    for (call, words) in [
+        ("scan --virtual disk -o cloud.pcd", "wrote cloud.pcd"),
+        ("reconstruct cloud.pcd --table 0 --close -o mesh.obj", "wrote mesh.obj"),
+        ("plan mesh.obj --strategy paper -o plan.json", "wrote plan.json"),
+    ] {
+        let ran = prehend(folder.path(), call);
+        let text = String::from_utf8(ran.stdout).unwrap();
+        assert!(ran.status <= 1 && text.contains(words), "{call}: {text}{}", ran.stderr);
+        assert_eq!(ran.stderr, "", "{call}");
+    }
+}
+
+/// The files of a folder with their bytes.
+fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+    fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap())
+        .map(|entry| (entry.file_name().into_string().unwrap(), fs::read(entry.path()).unwrap()))
+        .collect()
+}
+
+#[test]
+fn demo_lifts_the_teacup_cover_and_repeats_itself() {
+    let folder = tempfile::tempdir().unwrap();
+    let demo = |call: &str, threads: &str| {
+        let mut command = command(folder.path(), &call.split_whitespace().collect::<Vec<_>>());
+        command.env("RAYON_NUM_THREADS", threads);
+        ran(command).ends_with(0).json()
+    };
+    let first = demo("demo --object teacup-cover --out a --json", "2");
+    let again = demo("demo --object teacup-cover --out b/c --seed 1 --json", "1");
+    demo("demo --object teacup-cover --out d --seed 2 --json", "2");
+
+    assert_eq!(first["verdict"], "held");
+    assert!((number(&first, "/lift_height_m") - 0.1).abs() < 0.01, "{first}");
+    assert!((0.01..1.0).contains(&number(&first, "/epsilon")), "{first}");
+    assert!(number(&first, "/points") > 10_000.0 && number(&first, "/triangles") > 1000.0, "{first}");
+    assert!((1.0..=number(&first, "/attempts")).contains(&number(&first, "/force_closure")), "{first}");
+    for stage in ["scan_s", "reconstruct_s", "plan_s", "execute_s"] {
+        assert!((0.0..120.0).contains(&number(&first, &format!("/stages/{stage}"))), "{first}");
+    }
+    let but_times = |mut summary: Value| {
+        summary["stages"].take();
+        summary
+    };
+    assert_eq!(but_times(first), but_times(again));
+
+    let [a, b, d] = ["a", "b/c", "d"].map(|name| files(&folder.path().join(name)));
+    let names: Vec<&str> = a.keys().map(String::as_str).collect();
+    assert_eq!(names, ["cloud.ply", "grasp.png", "mesh.iv", "mesh.stl", "plan.json", "run.json"]);
+    assert!(a.keys().eq(b.keys()) && a.keys().eq(d.keys()));
+    for (name, bytes) in &a {
+        // Not assert_eq!, which would print megabytes.
+        assert!(b[name] == *bytes, "{name} differs between two runs with one seed");
+        assert!(d[name] != *bytes, "{name} does not depend on the seed");
+    }
+    assert!(a["grasp.png"].starts_with(b"\x89PNG\r\n\x1a\n"));
+
+    // The files that a demo leaves lead on: the mesh to the same plan, and the plan, found with its mesh from elsewhere,
+    // to the lift.
+    let there = folder.path().join("a");
+    prehend(&there, "plan mesh.stl --strategy paper --mass 0.07 -o again.json").ends_with(0);
+    assert!(fs::read(there.join("again.json")).unwrap() == a["plan.json"], "another plan from the same mesh");
+    let execution = prehend(folder.path(), "execute a/plan.json --json").ends_with(0).json();
+    assert_eq!(execution["verdict"], "held");
+}

@@ -1,0 +1,112 @@
+//! Standard output: `-o -`, closed pipes, help.
+
+use std::fs;
+use std::path::Path;
+use std::process::Stdio;
+
+use crate::{command, prehend};
+
+#[test]
+fn dash_writes_the_file_to_standard_output_and_nowhere_else() {
+    let folder = tempfile::tempdir().unwrap();
+    for (call, name) in [
+        ("scan --virtual cube", "cloud.ply"),
+        ("reconstruct cloud.ply --table 0 --close", "mesh.ply"),
+        ("plan mesh.ply --strategy paper", "plan.json"),
+        ("execute plan.json", "run.json"),
+    ] {
+        prehend(folder.path(), &format!("{call} -o {name}")).ends_with(0);
+        let before = names(folder.path());
+        let dash = prehend(folder.path(), &format!("{call} -o -")).ends_with(0);
+        assert!(
+            dash.stdout == fs::read(folder.path().join(name)).unwrap(),
+            "{call}: other bytes than {name}"
+        );
+        assert_eq!((dash.stderr.as_str(), names(folder.path())), ("", before), "{call}");
+    }
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    names
+}
+
+#[test]
+fn a_closed_pipe_is_success() {
+    let folder = tempfile::tempdir().unwrap();
+    prehend(folder.path(), "scan --virtual cube -o cloud.ply").ends_with(0);
+    prehend(folder.path(), "plan cube --strategy paper -o plan.json").ends_with(0);
+    for call in [
+        "scan --virtual cube -o -",
+        "scan --virtual cube -o other.ply --json",
+        "reconstruct cloud.ply -o -",
+        "reconstruct cloud.ply -o mesh.stl",
+        "plan cube --strategy paper -o -",
+        "plan cube --strategy paper -o other.json --json",
+        "execute plan.json -o -",
+        "execute plan.json --json",
+        "--help",
+        "plan --help",
+    ] {
+        let mut child = command(folder.path(), &call.split_whitespace().collect::<Vec<_>>())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let output = child.wait_with_output().unwrap();
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!((output.status.code(), said.as_ref()), (Some(0), ""), "{call}");
+    }
+}
+
+/// The commands that the program says it has.
+fn commands() -> Vec<String> {
+    let help = prehend(&std::env::temp_dir(), "--help").ends_with(0);
+    let text = String::from_utf8(help.stdout).unwrap();
+    let listed =
+        text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    // A description that is wrapped is indented further than a name.
+    let names = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    names
+        .map(|line| line.split_whitespace().next().unwrap().to_owned())
+        .filter(|name| name != "help")
+        .collect()
+}
+
+#[test]
+fn every_command_has_help_with_examples_that_parse() {
+    let commands = commands();
+    for name in ["demo", "scan", "reconstruct", "plan", "quality", "execute"] {
+        assert!(commands.iter().any(|command| command == name), "{name} is not in {commands:?}");
+    }
+    for name in commands {
+        let folder = tempfile::tempdir().unwrap();
+        let help = prehend(folder.path(), &format!("{name} --help")).ends_with(0);
+        assert_eq!(help.stderr, "");
+        let text = String::from_utf8(help.stdout).unwrap();
+        let (_, examples) = text.split_once("Examples:\n").unwrap_or_else(|| panic!("{name}: {text}"));
+        let examples: Vec<&str> = examples.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
+        assert!(!examples.is_empty(), "{name}");
+        for example in examples {
+            let call = example.strip_prefix("prehend ").unwrap_or_else(|| panic!("{name}: {example}"));
+            assert!(call.starts_with(&name), "{example}");
+            let call = call.split(" < ").next().unwrap();
+            // Their files are not here, but what clap refuses would be told with a hint at the help.
+            let ran = prehend(folder.path(), call);
+            assert!(!ran.stderr.contains("--help)"), "{example}: {}", ran.stderr);
+        }
+    }
+}
+
+#[test]
+fn without_a_command_the_help_is_shown() {
+    let bare = prehend(&std::env::temp_dir(), "").ends_with(2);
+    assert!(bare.stdout.is_empty() && bare.stderr.contains("Usage: prehend <COMMAND>"), "{}", bare.stderr);
+    let version = prehend(&std::env::temp_dir(), "--version").ends_with(0);
+    assert_eq!(version.stdout, concat!("prehend ", env!("CARGO_PKG_VERSION"), "\n").as_bytes());
+}
