@@ -209,10 +209,10 @@ const EXECUTE: &[WrongCall] = &[
 
 /// Calls that are in order and end in a no: the words are on standard output.
 const NOES: &[WrongCall] = &[
-    ("plan square.off --strategy paper -o @.json", "0 force-closure grasps"),
-    ("plan flat.off --strategy paper -o @.json", "0 force-closure grasps"),
-    ("plan house.off --attempts 100 -o @.json", "0 force-closure grasps"),
-    ("plan box.off --friction 0 --attempts 100 -o @.json", "0 force-closure grasps"),
+    ("plan square.off --strategy paper -o @.json", "0 with force closure"),
+    ("plan flat.off --strategy paper -o @.json", "0 with force closure"),
+    ("plan house.off --attempts 100 -o @.json", "0 with force closure"),
+    ("plan box.off --friction 0 --attempts 100 -o @.json", "0 with force closure"),
     ("plan box.off --strategy paper --table 3 -o @.json", "no grasp to execute"),
     ("quality pinch.json", "no force closure"),
     ("quality no-contacts.json", "no force closure: there is no contact"),
