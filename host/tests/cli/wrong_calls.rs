@@ -187,7 +187,8 @@ const EXECUTE: &[WrongCall] = &[
     ("execute far-table.json -o @.json", "far-table.json: table_height_m 1e300"),
     ("execute weightless.json -o @.json", "an object of -1 kg"),
     ("execute negative-friction-plan.json -o @.json", "negative-friction-plan.json: friction -1"),
-    ("execute other-mesh.json -o @.json", "box.off is not the mesh that was planned on"),
+    ("execute other-hand.json -o @.json", "other-hand.json: the plan is for another hand"),
+    ("execute other-mesh.json -o @.json", "other.off is not the mesh that was planned on"),
     ("execute lost-mesh.json -o @.json", "gone.off: no such file"),
     ("execute good.json --grasp 99 -o @.json", "--grasp 99"),
     ("execute good.json --grasp 0 -o @.json", "'0' for '--grasp"),
@@ -209,10 +210,10 @@ const EXECUTE: &[WrongCall] = &[
 
 /// Calls that are in order and end in a no: the words are on standard output.
 const NOES: &[WrongCall] = &[
-    ("plan square.off --strategy paper -o @.json", "0 force-closure grasps"),
-    ("plan flat.off --strategy paper -o @.json", "0 force-closure grasps"),
-    ("plan house.off --attempts 100 -o @.json", "0 force-closure grasps"),
-    ("plan box.off --friction 0 --attempts 100 -o @.json", "0 force-closure grasps"),
+    ("plan square.off --strategy paper -o @.json", "no grasp to execute"),
+    ("plan flat.off --strategy paper -o @.json", "no grasp to execute"),
+    ("plan house.off --attempts 100 -o @.json", "no grasp to execute"),
+    ("plan box.off --friction 0 --attempts 100 -o @.json", "no grasp to execute"),
     ("plan box.off --strategy paper --table 3 -o @.json", "no grasp to execute"),
     ("quality pinch.json", "no force closure"),
     ("quality no-contacts.json", "no force closure: there is no contact"),
@@ -360,7 +361,7 @@ fn fill(folder: &Path) {
     }
     for (name, text) in [
         ("box.off", BOX_OFF),
-        ("other.off", &BOX_OFF.replace("0.025 0.025", "0.025 0.026")),
+        ("other.off", &BOX_OFF.replace("0.025 0.025", "0.025 0.0250001")),
         ("square.off", "OFF\n4 2 0\n0 0 0\n0.05 0 0\n0.05 0.05 0\n0 0.05 0\n3 0 1 2\n3 0 2 3\n"),
         ("flat.off", "OFF\n3 2 0\n0 0 0\n0.05 0 0\n0 0.05 0\n3 0 1 2\n3 0 2 1\n"),
         ("points-only.off", "OFF\n3 0 0\n0 0 0\n0.05 0 0\n0 0.05 0\n"),
@@ -378,7 +379,7 @@ fn fill(folder: &Path) {
         write(name, text.as_bytes());
     }
     fill_contacts(&write);
-    prehend(folder, "scan --virtual cube -o cloud.ply").ends_with(0);
+    prehend(folder, "scan --virtual cube --no-table -o cloud.ply").ends_with(0);
     prehend(folder, "plan box.off --strategy paper --top 1 -o good.json").ends_with(0);
     let good: Value = serde_json::from_slice(&fs::read(folder.join("good.json")).unwrap()).unwrap();
     for (name, pointer, value) in plan_damages() {
@@ -438,7 +439,8 @@ fn plan_damages() -> Vec<(&'static str, &'static str, Value)> {
         ("far-table.json", "/table_height_m", json!(1e300)),
         ("weightless.json", "/object/mass_kg", json!(-1)),
         ("negative-friction-plan.json", "/object/friction", json!(-1)),
-        ("other-mesh.json", "/object/mesh_sha256", json!("0".repeat(64))),
+        ("other-hand.json", "/hand/sha256", json!("0".repeat(64))),
+        ("other-mesh.json", "/object/source", json!("other.off")),
         ("lost-mesh.json", "/object/source", json!("gone.off")),
     ]
 }
