@@ -58,7 +58,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
     };
-    let mut out = io::stdout().lock();
+    let mut out = StandardOutput(io::stdout().lock());
     let result = run(cli.command, &mut out).and_then(|outcome| Ok(out.flush().map(|()| outcome)?));
     match result {
         Ok(Outcome::Done) => 0,
@@ -113,6 +113,25 @@ fn report(message: &str) {
     // One line, whatever the parts say. Nobody is left to tell when stderr is gone too.
     let line = message.split('\n').map(str::trim).collect::<Vec<_>>().join(" ");
     let _ = writeln!(io::stderr(), "error: {line}");
+}
+
+/// Standard output whose errors say that it is the one that failed, as those of files do.
+struct StandardOutput(io::StdoutLock<'static>);
+
+impl StandardOutput {
+    fn named<T>(result: io::Result<T>) -> io::Result<T> {
+        result.map_err(|error| io::Error::new(error.kind(), format!("standard output: {error}")))
+    }
+}
+
+impl Write for StandardOutput {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        Self::named(self.0.write(bytes))
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Self::named(self.0.flush())
+    }
 }
 
 /// An error and its causes. Some errors tell their cause in their own words: it is not told again.

@@ -64,6 +64,25 @@ fn a_closed_pipe_is_success() {
     }
 }
 
+/// `/dev/full` takes nothing, as a full disk.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let full = || fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    for call in
+        ["scan --virtual cube -o -", "plan cube --strategy paper -o -", "scan --virtual cube -o a.ply --json"]
+    {
+        let mut command = command(folder.path(), &call.split_whitespace().collect::<Vec<_>>());
+        let output = command.stdout(full()).output().unwrap();
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{call}");
+        assert!(said.starts_with("error: standard output: ") && said.lines().count() == 1, "{call}: {said}");
+    }
+    let refused = prehend(folder.path(), "plan cube --strategy paper -o /dev/full").ends_with(2);
+    assert!(refused.stderr.starts_with("error: /dev/full: "), "{}", refused.stderr);
+}
+
 /// The commands that the program says it has.
 fn commands() -> Vec<String> {
     let help = prehend(&std::env::temp_dir(), "--help").ends_with(0);
