@@ -65,7 +65,8 @@ impl Pose {
         let [w, x, y, z] = self.orientation_wxyz;
         let quaternion = Quaternion::new(w, x, y, z);
         let finite = self.position.iter().chain(&self.orientation_wxyz).all(|c| c.is_finite());
-        if !finite || quaternion.norm() < 1e-6 {
+        // A norm that overflows is no length either.
+        if !finite || !(1e-6..1e6).contains(&quaternion.norm()) {
             return Err(DocumentError::NotFinite(name));
         }
         let rotation = UnitQuaternion::from_quaternion(quaternion);

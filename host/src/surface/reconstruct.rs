@@ -192,8 +192,16 @@ pub enum ReconstructError {
         value: f64,
     },
     /// The cells are too small for the cloud.
-    #[error("cells of {cell_m} m are too small for a cloud of {extent_m} m")]
+    #[error("cells of {cell_m:e} m are too small for a cloud of {extent_m:e} m")]
     CellTooSmall {
+        /// Edge of a cell.
+        cell_m: f64,
+        /// Longest side of the cloud.
+        extent_m: f64,
+    },
+    /// The cells are too large to show the cloud's shape.
+    #[error("cells of {cell_m:e} m are too large for a cloud of {extent_m:e} m")]
+    CellTooLarge {
         /// Edge of a cell.
         cell_m: f64,
         /// Longest side of the cloud.
@@ -417,6 +425,10 @@ fn lattice_above_table(points: &[Point3<f64>], cell_m: f64) -> Result<Lattice, R
     let extent_m = (high.x - low.x).max(high.y - low.y).max(high.z - bottom);
     if extent_m / cell_m + 2.0 * MARGIN > Lattice::LONGEST {
         return Err(ReconstructError::CellTooSmall { cell_m, extent_m });
+    }
+    // A shape takes some cells across; a sheet may be thinner than one, so the longest side counts.
+    if cell_m > extent_m / 3.0 {
+        return Err(ReconstructError::CellTooLarge { cell_m, extent_m });
     }
     let layers = (-bottom / cell_m).ceil() + MARGIN;
     let low = Point3::new(low.x - MARGIN * cell_m, low.y - MARGIN * cell_m, -(layers + 0.5) * cell_m);
