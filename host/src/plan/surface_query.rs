@@ -102,32 +102,11 @@ fn to_parry(v: &Vector3<f64>) -> ParryVector {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    fn unit_cube() -> Mesh {
-        let vertices = (0..8)
-            .map(|i| Point3::new(f64::from(i & 1), f64::from(i >> 1 & 1), f64::from(i >> 2 & 1)))
-            .collect();
-        let faces = vec![
-            [0, 2, 1],
-            [1, 2, 3],
-            [4, 5, 6],
-            [5, 7, 6],
-            [0, 1, 4],
-            [1, 5, 4],
-            [2, 6, 3],
-            [3, 6, 7],
-            [0, 4, 2],
-            [2, 4, 6],
-            [1, 3, 5],
-            [3, 7, 5],
-        ];
-        Mesh::new(vertices, faces).unwrap()
-    }
+    use crate::object::solids::cuboid;
 
     #[test]
     fn distances_to_a_cube_are_the_closed_form_inside_and_out() {
-        let mesh = unit_cube();
-        assert!(mesh.is_watertight() && mesh.signed_volume_m3() > 0.0);
+        let mesh = cuboid([1.0; 3]).unwrap().transformed(&Isometry3::translation(0.5, 0.5, 0.0));
         let query = SurfaceQuery::new(&mesh).unwrap();
         for (point, expected) in [
             ([0.5, 0.5, 1.25], 0.25),
