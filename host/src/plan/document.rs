@@ -138,7 +138,7 @@ pub struct PlanDocument {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct HandInfo {
-    /// Name.
+    /// Name of the hand, as `--hand` takes it.
     pub name: String,
     /// SHA-256 over the parameters that the planner used.
     pub sha256: String,
@@ -178,11 +178,11 @@ pub struct SettingsInfo {
     pub attempts: usize,
     /// Epsilon at which `paper` stops.
     pub threshold: f64,
-    /// Seed.
+    /// Seed of every random choice of the search.
     pub seed: u64,
 }
 
-/// One grasp.
+/// One grasp: where the palm goes, what the joints do, what touches, how good it is.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct GraspInfo {
@@ -192,7 +192,7 @@ pub struct GraspInfo {
     pub quality: QualityInfo,
     /// Pose of the palm in the object's frame at the grasp site.
     pub object_from_palm: Pose,
-    /// Pose of the palm in the base frame where the straight last way begins.
+    /// Pose of the palm in the base frame where the straight last way begins, 80 mm before the grasp site.
     pub approach_site: Pose,
     /// Pose of the palm in the base frame where the fingers close.
     pub grasp_site: Pose,
@@ -216,15 +216,15 @@ pub struct GraspInfo {
 pub struct QualityInfo {
     /// The lower bound, by which grasps compare.
     pub epsilon: f64,
-    /// Lower bound.
+    /// Lower bound: a ball of this radius lies inside the wrench space.
     pub epsilon_low: f64,
-    /// Upper bound.
+    /// Upper bound: the wrench space reaches no further in some direction.
     pub epsilon_high: f64,
     /// Mean over sampled pose errors, where it was measured.
     pub expected_epsilon: Option<f64>,
 }
 
-/// One contact.
+/// One contact of the grasp, in the object's frame.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ContactInfo {
@@ -238,14 +238,18 @@ pub struct ContactInfo {
     pub normal: [f64; 3],
     /// Friction coefficient.
     pub friction: f64,
-    /// Torsional friction, metres.
+    /// Lever of the torsional friction, metres: largest moment about the normal over largest friction force; 0 is a hard
+    /// contact.
     pub torsional_m: f64,
     /// Force of the finger on the object in the squeeze, newtons, object frame.
     pub squeeze_force_n: [f64; 3],
 }
 
 impl PlanDocument {
-    /// Checks what the types cannot: the format's name and version.
+    /// Checks what the types cannot.
+    ///
+    /// # Errors
+    /// [`DocumentError::Format`] or [`DocumentError::Version`] when it is not what this program reads.
     pub fn check(&self) -> Result<(), DocumentError> {
         if self.format != FORMAT {
             return Err(DocumentError::Format(self.format.clone()));

@@ -36,7 +36,7 @@ impl Link {
 /// One sphere of a finger's chain.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Bead {
-    /// The link that carries it.
+    /// The link that carries it; its frame's x axis runs along it.
     pub link: Link,
     /// Distance of its centre from the link's joint, along the link, metres.
     pub along_m: f64,
@@ -57,7 +57,7 @@ pub struct HandBody {
 }
 
 impl HandBody {
-    /// The HIT/DLR hand.
+    /// The HIT/DLR hand, with beads and box from the model's collision geometry.
     #[must_use]
     pub fn hit_dlr() -> Self {
         let model = HandModel::<f64>::hit_dlr();

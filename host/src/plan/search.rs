@@ -12,7 +12,7 @@ use super::candidates::Candidate;
 use super::scene::Scene;
 use super::settle::{Approach, Site, settle};
 
-/// Settings of a search.
+/// Settings of a search, for both strategies.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SearchSettings {
     /// Most attempts; the paper's default is 300.

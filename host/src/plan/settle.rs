@@ -48,11 +48,11 @@ impl Approach {
 /// A placed and shaped hand, before anything is known of its contacts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Site {
-    /// Pose of the palm.
+    /// Pose of the palm frame in the object's frame.
     pub object_from_palm: Isometry3<f64>,
     /// Direction of the straight last way, object frame.
     pub direction_in_object: Unit<Vector3<f64>>,
-    /// Shape of the hand.
+    /// Thumb rotation, and the ways on which the used fingers close.
     pub preshape: Preshape,
 }
 

@@ -6,7 +6,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 /// A colour, 0..=255 by channel.
 pub type Color = [u8; 3];
 
-/// A triangle to draw.
+/// A triangle to draw, seen from both sides.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Triangle {
     /// Corners in the world frame, metres.
