@@ -11,6 +11,7 @@ extern crate std;
 
 mod bytes;
 pub mod command;
+pub mod frame;
 pub mod ids;
 pub mod message;
 pub mod telemetry;

@@ -19,7 +19,7 @@ fn hex(bytes: &[u8]) -> String {
     bytes.chunks(16).map(line).collect()
 }
 
-fn assert_golden(name: &str, bytes: &[u8]) {
+pub(crate) fn assert_golden(name: &str, bytes: &[u8]) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/golden").join(name);
     if std::env::var_os("BLESS").is_some() {
         std::fs::write(&path, hex(bytes)).expect("the golden file can be written");
@@ -29,7 +29,7 @@ fn assert_golden(name: &str, bytes: &[u8]) {
 }
 
 /// Every field has a value of its own, so that no two can change places.
-fn setpoint() -> Setpoint {
+pub(crate) fn setpoint() -> Setpoint {
     Setpoint {
         seq: 0x0201,
         t_us: 0x0605_0403,
@@ -62,7 +62,7 @@ fn hand_state() -> HandState {
     }
 }
 
-fn encoded_setpoint(setpoint: &Setpoint) -> [u8; Setpoint::LEN] {
+pub(crate) fn encoded_setpoint(setpoint: &Setpoint) -> [u8; Setpoint::LEN] {
     let mut bytes = [0xee; Setpoint::LEN];
     setpoint.encode(&mut bytes);
     bytes
