@@ -73,6 +73,12 @@ pub struct Framer {
 }
 
 impl Framer {
+    /// Number of the next frame.
+    #[must_use]
+    pub const fn seq(&self) -> u16 {
+        self.seq
+    }
+
     /// Frames a message into `buffer` and returns the bytes for the wire, `message.len() + OVERHEAD` of them.
     ///
     /// # Errors
