@@ -7,5 +7,6 @@ extern crate std;
 #[cfg(all(feature = "mps2-an386", target_os = "none"))]
 pub mod board;
 pub mod control;
+pub mod safety;
 pub mod selfcheck;
 pub mod trig;
