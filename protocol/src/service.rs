@@ -13,6 +13,7 @@ use thiserror::Error;
 use crate::blackbox::Record;
 use crate::fault::{Code, Refusal};
 use crate::frame::{Counters, MESSAGE_MAX};
+use crate::ids::FINGER_COUNT;
 use crate::message::MessageKind;
 
 /// A value of a parameter; the variant is its type.
@@ -164,12 +165,12 @@ pub struct Reply<'a> {
 pub enum Event {
     /// The hand has started.
     Started,
-    /// A drive changed its state: [`DriveState`](crate::telemetry::DriveState) as its number.
-    Drive {
-        /// Finger by its index; `None` for the hand.
-        finger: Option<u8>,
-        /// The new state.
-        state: u8,
+    /// A drive changed its state: [`DriveState`](crate::telemetry::DriveState)s as their numbers.
+    Drives {
+        /// Of the hand.
+        hand: u8,
+        /// Of every finger.
+        fingers: [u8; FINGER_COUNT],
     },
     /// A fault was found.
     Fault(FirstFault),

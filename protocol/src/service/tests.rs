@@ -61,7 +61,7 @@ const ANSWERS: [Answer<'static>; 8] = [
 
 const EVENTS: [Event; 6] = [
     Event::Started,
-    Event::Drive { finger: None, state: 4 },
+    Event::Drives { hand: 4, fingers: [4, 4, 3, 7] },
     Event::Fault(FIRST_FAULT),
     Event::Bus { tier: 2 },
     Event::Refused(Code(4)),
