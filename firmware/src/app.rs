@@ -8,25 +8,23 @@
 //!
 //! `tick` has one length whatever the bus brings; all that may take longer is in `serve`.
 
+mod report;
+mod service;
+
 use hand_model::HandModel;
-use protocol::blackbox::Record;
 use protocol::command::Setpoint;
-use protocol::fault::{Code, Limit, LimitSet, Refusal};
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
-use protocol::service::{Answer, BlackBox, Call, Event, Hello, Reply};
-use protocol::telemetry::{BusTier, DriveState, FingerSet, HandState, JointSet, Status, TipWrench};
-use protocol::units::{AngleQ, ForceQ, TipTorqueQ, TorqueQ, VelocityQ};
+use protocol::service::Event;
+use protocol::telemetry::{BusTier, DriveState, HandState};
+use protocol::units::{AngleQ, TorqueQ};
 
 use crate::control::{self, Sensors, Target, ThumbMode};
-use crate::parameters::{self, Parameters, Settings};
+use crate::parameters::{Parameters, Settings};
 use crate::safety::recorder::Recorder;
 use crate::safety::target::{Followed, Follower};
 use crate::safety::watch::Part;
 use crate::safety::{Cycle, Found, Mode, Supervisor, bus::Heard};
 use crate::session::Session;
-
-/// A strain gauge's reading beyond this is a load, not an offset.
-const ZERO_MAX_NM: f32 = 0.2;
 
 /// What makes one hand different from another.
 #[derive(Debug, Clone, Copy)]
@@ -243,165 +241,6 @@ impl Controller {
         }
         (self.supervisor.gate(torques.nm), torques.limits)
     }
-
-    /// What the host will be told. A reading that is no number leaves the last one: no wire value stands for it, and
-    /// the fault tells.
-    fn update_state(
-        &mut self,
-        now_us: u32,
-        found: &Found,
-        followed: &Followed,
-        limits: &[control::Limit; JOINT_COUNT],
-    ) {
-        let state = &mut self.state;
-        state.t_us = now_us;
-        state.echoed_seq = self.supervisor.bus().last_seq();
-        state.command_age_us = u16::try_from(self.supervisor.bus().age_us()).unwrap_or(u16::MAX);
-        state.refused = self.session.counters().refused() as u16;
-        for (i, velocity) in self.control.velocity_rad_per_s().into_iter().enumerate() {
-            update(&mut state.position[i], AngleQ::from_rad(found.sensors.position_rad[i]));
-            update(&mut state.velocity[i], VelocityQ::from_rad_per_s(velocity));
-            update(&mut state.torque[i], TorqueQ::from_nm(found.sensors.joint_torque_nm[i]));
-        }
-        for (TipWrench { force, torque }, read) in state.tip_wrench.iter_mut().zip(&found.sensors.tip_wrench)
-        {
-            for i in 0..3 {
-                update(&mut force[i], ForceQ::from_n(read[i]));
-                update(&mut torque[i], TipTorqueQ::from_nm(read[3 + i]));
-            }
-        }
-        let (mut limited, mut reasons) = (JointSet::default(), LimitSet::default());
-        for joint in JointId::ALL {
-            let held = match mode_of(&found.modes, joint) {
-                Mode::Off => continue,
-                Mode::Follow => None,
-                Mode::Hold => Some(Limit::Held),
-                Mode::Stop => Some(Limit::Stopped),
-            };
-            let slowed = followed.limited.contains(joint).then_some(Limit::Speed);
-            for limit in [held, slowed, limit_on_wire(limits[joint.index()])].into_iter().flatten() {
-                limited = limited.with(joint);
-                reasons = reasons.with(limit);
-            }
-        }
-        state.status = Status {
-            drive: self.supervisor.hand(),
-            fingers: self.supervisor.fingers(),
-            bus: self.supervisor.tier(),
-            fault: self.supervisor.first_fault().map_or(Code::NONE, |first| first.code),
-            slipping: FingerSet::default(),
-            limited,
-            limits: reasons,
-        };
-    }
-
-    /// Into the black box, and what has changed into the log.
-    fn record(&mut self, found: &Found) {
-        let (state, last) = (&self.state, &mut self.last);
-        let status = &state.status;
-        let log = self.session.log();
-        let drives = (status.drive, status.fingers);
-        if core::mem::replace(&mut last.drives, drives) != drives {
-            let fingers = status.fingers.map(|state| state as u8);
-            log.push(state.t_us, Event::Drives { hand: status.drive as u8, fingers });
-        }
-        if core::mem::replace(&mut last.tier, status.bus) != status.bus {
-            log.push(state.t_us, Event::Bus { tier: status.bus as u8 });
-        }
-        if found.reset {
-            self.recorder.resume();
-        }
-        if let Some(fault) = found.new_fault {
-            log.push(state.t_us, Event::Fault(fault));
-            self.recorder.freeze();
-        }
-        let mut record = Record {
-            t_us: state.t_us,
-            drive: status.drive,
-            fingers: status.fingers,
-            bus: status.bus,
-            fault: status.fault,
-            position: state.position,
-            torque: state.torque,
-            ..Record::default()
-        };
-        for i in 0..JOINT_COUNT {
-            update(&mut record.target[i], AngleQ::from_rad(last.target_rad[i]));
-            update(&mut record.output[i], TorqueQ::from_nm(last.output_nm[i]));
-        }
-        self.recorder.record(&record);
-    }
-
-    /// Answers the request that waits, if one does.
-    pub fn serve(&mut self) {
-        let Some(request) = self.session.take_request() else { return };
-        let mut record = [0; Record::LEN];
-        let answer = self
-            .answer(&request.call, &mut record)
-            .unwrap_or_else(|refusal| Answer::Refused(Code::from(refusal)));
-        self.session.reply(&Reply { id: request.id, answer });
-    }
-
-    fn answer<'a>(&mut self, call: &Call, record: &'a mut [u8; Record::LEN]) -> Result<Answer<'a>, Refusal> {
-        let torque_off = || if self.supervisor.has_torque() { Err(Refusal::TorqueOn) } else { Ok(()) };
-        Ok(match *call {
-            Call::Hello => Answer::Hello(Hello {
-                firmware: env!("CARGO_PKG_VERSION"),
-                protocol: protocol::frame::VERSION,
-                board: self.identity.board,
-                schema: protocol::schema::FINGERPRINT,
-                parameters: parameters::COUNT,
-            }),
-            Call::ParameterInfo { index } => Answer::ParameterInfo(*Parameters::info(index)?),
-            Call::ParameterGet { index } => Answer::Parameter(self.parameters.get(index)?),
-            Call::ParameterSet { index, value } => {
-                torque_off()?;
-                self.parameters.set(index, value)?;
-                self.settings = self.parameters.settings(&self.model, self.identity.period_us);
-                Answer::Parameter(value)
-            }
-            Call::SensorZero { joints } => {
-                torque_off()?;
-                self.zero(joints)?;
-                Answer::Done
-            }
-            Call::BlackBox => {
-                let (full_rate, decimated) = self.recorder.len();
-                Answer::BlackBox(BlackBox {
-                    full_rate: full_rate as u16,
-                    decimated: decimated as u16,
-                    frozen: self.recorder.is_frozen(),
-                    first_fault: self.supervisor.first_fault(),
-                })
-            }
-            Call::BlackBoxRead { index } => {
-                self.recorder.get(usize::from(index)).ok_or(Refusal::NoRecord)?.encode(record);
-                Answer::Record(record)
-            }
-            Call::Link => Answer::Link(*self.session.counters()),
-        })
-    }
-
-    /// Takes the present readings of these strain gauges as zero; all of them or none.
-    fn zero(&mut self, joints: u16) -> Result<(), Refusal> {
-        let joints = JointSet::from_bits(joints).map_err(|_| Refusal::UnknownJoint)?;
-        let mut zero_nm = self.zero_nm;
-        for joint in JointId::ALL.into_iter().filter(|&joint| joints.contains(joint)) {
-            let reading_nm = self.last.raw_torque_nm[joint.index()];
-            if reading_nm.is_nan() || reading_nm.abs() > ZERO_MAX_NM {
-                return Err(Refusal::NotAtZero);
-            }
-            zero_nm[joint.index()] = reading_nm;
-        }
-        self.zero_nm = zero_nm;
-        Ok(())
-    }
-}
-
-fn update<T>(place: &mut T, value: Option<T>) {
-    if let Some(value) = value {
-        *place = value;
-    }
 }
 
 /// What the finger of a joint does. The thumb's rotation counts as the thumb's.
@@ -409,14 +248,5 @@ fn mode_of(modes: &[Mode; FINGER_COUNT], joint: JointId) -> Mode {
     modes[joint.finger_joint().map_or(FingerId::Thumb, |(finger, _)| finger).index()]
 }
 
-/// The control laws' limit by its number on the wire. That the thumb's rotation is braked is no news.
-const fn limit_on_wire(limit: control::Limit) -> Option<Limit> {
-    match limit {
-        control::Limit::None | control::Limit::Braked => None,
-        control::Limit::Torque => Some(Limit::Torque),
-        control::Limit::TipForce => Some(Limit::TipForce),
-        control::Limit::Position => Some(Limit::Position),
-        control::Limit::BadTarget => Some(Limit::BadTarget),
-        control::Limit::BadInput => Some(Limit::BadInput),
-    }
-}
+#[cfg(test)]
+mod tests;
