@@ -234,9 +234,9 @@ impl Controller {
             thumb_mode,
         };
         let mut torques = control::step(config, &mut self.control, &found.sensors, &target, dt_s);
-        for joint in JointId::ALL {
+        for (joint, nm) in JointId::ALL.into_iter().zip(&mut torques.nm) {
             if mode_of(&found.modes, joint) == Mode::Off {
-                torques.nm[joint.index()] = 0.0;
+                *nm = 0.0;
             }
         }
         (self.supervisor.gate(torques.nm), torques.limits)

@@ -191,20 +191,15 @@ impl Deframer {
     /// returns `None`. Call it until it does.
     pub fn receive(&mut self, bytes: &mut &[u8]) -> Option<Frame<'_>> {
         loop {
-            match bytes.iter().position(|&byte| byte == DELIMITER) {
-                None => {
-                    self.append(bytes);
-                    *bytes = &[];
-                    return None;
-                }
-                Some(end) => {
-                    self.append(&bytes[..end]);
-                    *bytes = &bytes[end + 1..];
-                    let len = core::mem::take(&mut self.len);
-                    if let Some(seq) = self.close(len) {
-                        return Some(Frame { seq, message: &self.buffer[1 + HEADER..len - CRC_LEN] });
-                    }
-                }
+            let mut pieces = bytes.splitn(2, |&byte| byte == DELIMITER);
+            self.append(pieces.next().unwrap_or(&[]));
+            let rest = pieces.next();
+            *bytes = rest.unwrap_or(&[]);
+            rest?;
+            let len = core::mem::take(&mut self.len);
+            if let Some(seq) = self.close(len) {
+                let end = len.saturating_sub(CRC_LEN);
+                return Some(Frame { seq, message: self.buffer.get(1 + HEADER..end).unwrap_or(&[]) });
             }
         }
     }
@@ -222,11 +217,11 @@ impl Deframer {
     }
 
     fn append(&mut self, bytes: &[u8]) {
-        let end = self.len.saturating_add(bytes.len());
-        if let Some(room) = self.buffer.get_mut(self.len..end) {
+        let room = self.buffer.get_mut(self.len..).unwrap_or(&mut []);
+        if let Some(room) = room.get_mut(..bytes.len()) {
             room.copy_from_slice(bytes);
         }
-        self.len = end.min(STUFFED_MAX + 1);
+        self.len = self.len.saturating_add(bytes.len()).min(STUFFED_MAX + 1);
     }
 
     /// Judges the `len` bytes before a delimiter: the frame's number if they are one, else the cause is counted.

@@ -249,7 +249,7 @@ fn encode<'b>(
     let [first, rest @ ..] = buffer;
     *first = kind as u8;
     let len = postcard::to_slice(message, rest).map_err(|_| ServiceError::TooLong)?.len();
-    Ok(&buffer[..=len])
+    buffer.get(..=len).ok_or(ServiceError::TooLong)
 }
 
 /// Reads the whole message, or none of it.

@@ -67,12 +67,15 @@ impl Controller {
     fn zero(&mut self, joints: u16) -> Result<(), Refusal> {
         let joints = JointSet::from_bits(joints).map_err(|_| Refusal::UnknownJoint)?;
         let mut zero_nm = self.zero_nm;
-        for joint in JointId::ALL.into_iter().filter(|&joint| joints.contains(joint)) {
-            let reading_nm = self.last.raw_torque_nm[joint.index()];
+        let readings = zero_nm.iter_mut().zip(self.last.raw_torque_nm);
+        for (joint, (zero_nm, reading_nm)) in JointId::ALL.into_iter().zip(readings) {
+            if !joints.contains(joint) {
+                continue;
+            }
             if reading_nm.is_nan() || reading_nm.abs() > ZERO_MAX_NM {
                 return Err(Refusal::NotAtZero);
             }
-            zero_nm[joint.index()] = reading_nm;
+            *zero_nm = reading_nm;
         }
         self.zero_nm = zero_nm;
         Ok(())

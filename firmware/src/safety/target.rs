@@ -40,6 +40,11 @@ pub struct Followed {
     pub limited: JointSet,
 }
 
+/// `x` within `+-most`; unlike `clamp` it cannot panic, whatever `most` is.
+fn within(x: f32, most: f32) -> f32 {
+    x.max(-most).min(most)
+}
+
 impl Follower {
     /// At rest at these angles.
     #[must_use]
@@ -83,7 +88,7 @@ impl Follower {
             }
             let i = joint.index();
             let asked = (self.goal_rad[i] - self.position_rad[i]) / time_s;
-            let speed = asked.clamp(-config.speed_max_rad_per_s, config.speed_max_rad_per_s);
+            let speed = within(asked, config.speed_max_rad_per_s);
             if speed != asked {
                 limited = limited.with(joint);
             }
@@ -92,8 +97,7 @@ impl Follower {
             let arrives = time_s <= dt_s && speed == asked;
             self.position_rad[i] =
                 if arrives { self.goal_rad[i] } else { self.position_rad[i] + speed * dt_s };
-            self.feed_forward_nm[i] +=
-                (self.goal_nm[i] - self.feed_forward_nm[i]).clamp(-torque_step_nm, torque_step_nm);
+            self.feed_forward_nm[i] += within(self.goal_nm[i] - self.feed_forward_nm[i], torque_step_nm);
         }
         self.left_s = (self.left_s - dt_s).max(0.0);
         Followed {

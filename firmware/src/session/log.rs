@@ -36,7 +36,7 @@ impl Log {
         if self.len == 0 {
             return None;
         }
-        let record = self.records[self.first];
+        let record = self.records[self.first % LEN];
         self.first = (self.first + 1) % LEN;
         self.len -= 1;
         if self.len == 0 && self.dropped > 0 {

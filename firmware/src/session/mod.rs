@@ -28,7 +28,8 @@ struct Outbox {
 
 impl Outbox {
     fn push(&mut self, frame: &[u8]) {
-        match self.bytes.get_mut(self.len..self.len + frame.len()) {
+        let room = self.bytes.get_mut(self.len..).and_then(|room| room.get_mut(..frame.len()));
+        match room {
             Some(room) => {
                 room.copy_from_slice(frame);
                 self.len += frame.len();
@@ -38,10 +39,20 @@ impl Outbox {
     }
 
     fn take(&mut self, out: &mut [u8]) -> usize {
-        let len = self.len.min(out.len());
-        out[..len].copy_from_slice(&self.bytes[..len]);
-        self.bytes.copy_within(len..self.len, 0);
-        self.len -= len;
+        let waiting = self.bytes.get(..self.len).unwrap_or(&[]);
+        let len = waiting.len().min(out.len());
+        for (out, byte) in out.iter_mut().zip(waiting) {
+            *out = *byte;
+        }
+        // What did not fit moves up; usually all has.
+        let left = self.len.saturating_sub(len);
+        for i in 0..left {
+            let byte = self.bytes.get(len + i).copied();
+            if let (Some(place), Some(byte)) = (self.bytes.get_mut(i), byte) {
+                *place = byte;
+            }
+        }
+        self.len = left;
         len
     }
 }
