@@ -3,7 +3,7 @@
 //! [`ids`] names fingers and joints and fixes their order; [`units`] holds the integers that stand for angles,
 //! torques and forces on the wire; [`command`] and [`telemetry`] are the two cyclic messages, each of one length;
 //! [`service`] is the channel for everything else, which may take its time; [`frame`] gets messages over a wire;
-//! [`fault`] numbers what goes wrong; [`schema`] is the fingerprint of all that. [`bench`] is not of the bus: by it a
+//! [`fault`] numbers what goes wrong; [`schema`] is the fingerprint of all that. [`mod@bench`] is not of the bus: by it a
 //! simulated hand drives an emulated board.
 //! No allocation, no panic, no floating point beyond the conversions in [`units`].
 #![no_std]
