@@ -97,7 +97,12 @@ impl Still {
         match memory {
             Some(still) if still.reading.to_bits() == reading.to_bits() => {
                 still.us = still.us.saturating_add(elapsed_us);
-                (still.low, still.high) = (still.low.min(cause), still.high.max(cause));
+                // Comparisons, for `min` and `max` are calls on the target.
+                if cause < still.low {
+                    still.low = cause;
+                } else if cause > still.high {
+                    still.high = cause;
+                }
                 (still.us >= stuck_us).then_some(still.high - still.low)
             }
             _ => {
@@ -217,11 +222,11 @@ impl Joint {
         }
         let (target_rad, output_nm) = (excitation.target_rad[i], excitation.output_nm[i]);
         let target_moved = Still::step(&mut self.position, read_rad, target_rad, elapsed_us, config.stuck_us);
-        self.felt_nm = if self.position.is_none_or(|still| still.us == 0) {
-            0.0
-        } else {
-            self.felt_nm.max(torque_nm.abs())
-        };
+        if self.position.is_none_or(|still| still.us == 0) {
+            self.felt_nm = 0.0;
+        } else if torque_nm.abs() > self.felt_nm {
+            self.felt_nm = torque_nm.abs();
+        }
         if target_moved.is_some_and(|moved| moved > config.stuck_target_rad)
             && self.felt_nm < config.contact_torque_nm
         {
