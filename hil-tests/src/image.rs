@@ -7,6 +7,8 @@ use std::process::{Command, ExitStatus, Stdio};
 
 use thiserror::Error;
 
+/// What a board is flashed with.
+const PROFILE: &str = "firmware";
 /// The target of every board.
 const TARGET: &str = "thumbv7em-none-eabihf";
 
@@ -54,6 +56,8 @@ pub fn build(board: &str) -> Result<PathBuf, ImageError> {
             "build",
             "--package",
             "firmware",
+            "--profile",
+            PROFILE,
             "--target",
             TARGET,
             "--message-format",

@@ -60,7 +60,8 @@ pub struct Qemu {
 }
 
 /// The emulator, which dies with this value.
-struct Running(Child);
+#[derive(Debug)]
+pub(crate) struct Running(pub(crate) Child);
 
 impl Drop for Running {
     fn drop(&mut self) {
@@ -96,6 +97,23 @@ impl Qemu {
         self
     }
 
+    /// The command that runs the image; `words` is what the image finds on its command line behind its name, each with
+    /// `,arg=` before it.
+    pub(crate) fn command(&self, words: &str) -> Command {
+        let mut command = Command::new(&self.program);
+        command
+            .args(["-machine", &self.machine, "-display", "none", "-monitor", "none", "-serial", "null"])
+            .args(["-icount", "shift=3,sleep=off"])
+            .args(["-semihosting-config", &format!("enable=on,target=native,arg=image{words}")])
+            .args(&self.arguments)
+            .arg("-kernel")
+            .arg(&self.image)
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command
+    }
+
     /// Runs until the image ends, for `timeout` at most.
     ///
     /// # Errors
@@ -106,18 +124,7 @@ impl Qemu {
             io::ErrorKind::NotFound => QemuError::NotInstalled { program: self.program.clone() },
             _ => QemuError::Io { program: self.program.clone(), source },
         };
-        let mut child = Command::new(&self.program)
-            .args(["-machine", &self.machine, "-display", "none", "-monitor", "none", "-serial", "null"])
-            .args(["-icount", "shift=3,sleep=off"])
-            .args(["-semihosting-config", "enable=on,target=native"])
-            .args(&self.arguments)
-            .arg("-kernel")
-            .arg(&self.image)
-            .stdin(Stdio::null())
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .map_err(io_error)?;
+        let mut child = self.command("").spawn().map_err(io_error)?;
         let stdout = drain(child.stdout.take());
         let stderr = drain(child.stderr.take());
         let mut running = Running(child);
@@ -139,7 +146,7 @@ impl Qemu {
 }
 
 /// Reads a pipe to its end on a thread of its own and sends the text.
-fn drain(pipe: Option<impl Read + Send + 'static>) -> mpsc::Receiver<io::Result<String>> {
+pub(crate) fn drain(pipe: Option<impl Read + Send + 'static>) -> mpsc::Receiver<io::Result<String>> {
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
         let mut bytes = Vec::new();

@@ -19,7 +19,7 @@ pub(crate) trait Field: Copy {
     fn get(input: &mut Reader<'_>) -> Self;
 }
 
-macro_rules! integer_fields {
+macro_rules! number_fields {
     ($($int:ty),*) => {$(
         impl Field for $int {
             const LEN: usize = size_of::<$int>();
@@ -41,7 +41,7 @@ macro_rules! integer_fields {
     )*};
 }
 
-integer_fields!(u8, u16, u32, i16);
+number_fields!(u8, u16, u32, i16, f32);
 
 macro_rules! newtype_fields {
     ($($name:ident),*) => {$(

@@ -83,33 +83,67 @@ impl FingerJoint {
 /// assert_eq!((joint.index(), joint.name()), (4, "index_abduction"));
 /// ```
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct JointId(u8);
+#[repr(u8)]
+pub enum JointId {
+    /// The turning base of the thumb.
+    ThumbRotation = 0,
+    /// Sideways motion of the thumb.
+    ThumbAbduction = 1,
+    /// Bending of the thumb at its base.
+    ThumbFlexion = 2,
+    /// Bending of the thumb at its middle joint.
+    ThumbMiddle = 3,
+    /// Sideways motion of the index finger.
+    IndexAbduction = 4,
+    /// Bending of the index finger at its base.
+    IndexFlexion = 5,
+    /// Bending of the index finger at its middle joint.
+    IndexMiddle = 6,
+    /// Sideways motion of the middle finger.
+    MiddleAbduction = 7,
+    /// Bending of the middle finger at its base.
+    MiddleFlexion = 8,
+    /// Bending of the middle finger at its middle joint.
+    MiddleMiddle = 9,
+    /// Sideways motion of the ring finger.
+    RingAbduction = 10,
+    /// Bending of the ring finger at its base.
+    RingFlexion = 11,
+    /// Bending of the ring finger at its middle joint.
+    RingMiddle = 12,
+}
 
 impl JointId {
     /// The turning base of the thumb.
-    pub const THUMB_ROTATION: Self = Self(0);
+    pub const THUMB_ROTATION: Self = Self::ThumbRotation;
 
     /// All actuators in wire order.
-    pub const ALL: [Self; JOINT_COUNT] = {
-        let mut all = [Self(0); JOINT_COUNT];
-        let mut i = 0;
-        while i < JOINT_COUNT {
-            all[i] = Self(i as u8);
-            i += 1;
-        }
-        all
-    };
+    pub const ALL: [Self; JOINT_COUNT] = [
+        Self::ThumbRotation,
+        Self::ThumbAbduction,
+        Self::ThumbFlexion,
+        Self::ThumbMiddle,
+        Self::IndexAbduction,
+        Self::IndexFlexion,
+        Self::IndexMiddle,
+        Self::MiddleAbduction,
+        Self::MiddleFlexion,
+        Self::MiddleMiddle,
+        Self::RingAbduction,
+        Self::RingFlexion,
+        Self::RingMiddle,
+    ];
 
     /// The actuator of one joint of a finger.
     #[must_use]
     pub const fn of(finger: FingerId, joint: FingerJoint) -> Self {
-        Self((1 + finger.index() * JOINTS_PER_FINGER + joint.index()) as u8)
+        Self::ALL[1 + finger.index() * JOINTS_PER_FINGER + joint.index()]
     }
 
     /// The actuator at `index` of [`Self::ALL`]; `None` from [`JOINT_COUNT`] on.
     #[must_use]
     pub const fn from_index(index: usize) -> Option<Self> {
-        if index < JOINT_COUNT { Some(Self(index as u8)) } else { None }
+        if index < JOINT_COUNT { Some(Self::ALL[index]) } else { None }
     }
 
     /// The actuator with this [`Self::name`].
@@ -121,15 +155,16 @@ impl JointId {
     /// Position in [`Self::ALL`].
     #[must_use]
     pub const fn index(self) -> usize {
-        self.0 as usize
+        self as usize
     }
 
     /// Finger and joint; `None` for the thumb's rotation, which belongs to the palm.
     #[must_use]
     pub const fn finger_joint(self) -> Option<(FingerId, FingerJoint)> {
-        match self.index().checked_sub(1) {
+        let Some(i) = self.index().checked_sub(1) else { return None };
+        match FingerId::from_index(i / JOINTS_PER_FINGER) {
+            Some(finger) => Some((finger, FingerJoint::ALL[i % JOINTS_PER_FINGER])),
             None => None,
-            Some(i) => Some((FingerId::ALL[i / JOINTS_PER_FINGER], FingerJoint::ALL[i % JOINTS_PER_FINGER])),
         }
     }
 

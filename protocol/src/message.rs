@@ -8,8 +8,14 @@ use thiserror::Error;
 pub enum MessageKind {
     /// [`Setpoint`](crate::command::Setpoint), host to hand.
     Setpoint = 0x01,
+    /// [`Request`](crate::service::Request), host to hand.
+    Request = 0x02,
     /// [`HandState`](crate::telemetry::HandState), hand to host.
     HandState = 0x81,
+    /// [`Reply`](crate::service::Reply), hand to host.
+    Reply = 0x82,
+    /// [`LogRecord`](crate::service::LogRecord), hand to host.
+    Log = 0x83,
 }
 
 /// Why bytes of the right length are not a message.
@@ -22,6 +28,18 @@ pub enum DecodeError {
         /// The message that was asked for.
         expected: MessageKind,
         /// The first byte.
+        found: u8,
+    },
+    /// A control word with bits that have no meaning.
+    #[error("control word {found:#06x} has bits that are not defined")]
+    ControlWord {
+        /// The two bytes.
+        found: u16,
+    },
+    /// A tier of bus loss that has no meaning.
+    #[error("bus tier {found} is not defined")]
+    BusTier {
+        /// The byte.
         found: u8,
     },
     /// A drive state that has no meaning.
@@ -45,6 +63,19 @@ pub enum DecodeError {
 }
 
 impl MessageKind {
+    /// The kind that a message begins with; `None` for a byte that stands for none.
+    #[must_use]
+    pub const fn from_byte(byte: u8) -> Option<Self> {
+        match byte {
+            0x01 => Some(Self::Setpoint),
+            0x02 => Some(Self::Request),
+            0x81 => Some(Self::HandState),
+            0x82 => Some(Self::Reply),
+            0x83 => Some(Self::Log),
+            _ => None,
+        }
+    }
+
     /// Checks a first byte.
     pub(crate) fn expect(self, found: u8) -> Result<(), DecodeError> {
         if found == self as u8 { Ok(()) } else { Err(DecodeError::Kind { expected: self, found }) }

@@ -5,20 +5,27 @@
 //!        1  seq             u16
 //!        3  t_us            u32
 //!        7  echoed_seq      u16
-//!        9  status.drive    u8
-//!       10  status.slipping u8, bit i = FingerId i
-//!       11  status.limited  u16, bit i = JointId i
-//!       13  position        13 x AngleQ
-//!       39  velocity        13 x VelocityQ
-//!       65  torque          13 x TorqueQ
-//!       91  tip_wrench       4 x (3 x ForceQ, 3 x TipTorqueQ)
-//!      139
+//!        9  command_age_us  u16
+//!       11  status.drive    u8
+//!       12  status.fingers   4 x u8
+//!       16  status.bus      u8
+//!       17  status.fault    u8
+//!       18  status.slipping u8, bit i = FingerId i
+//!       19  status.limited  u16, bit i = JointId i
+//!       21  status.limits   u32, bit i = Limit 96 + i
+//!       25  refused         u16
+//!       27  position        13 x AngleQ
+//!       53  velocity        13 x VelocityQ
+//!       79  torque          13 x TorqueQ
+//!      105  tip_wrench       4 x (3 x ForceQ, 3 x TipTorqueQ)
+//!      153
 //! ```
 //!
 //! All integers are little-endian, without padding. Arrays of joints are in the order of [`JointId::ALL`], arrays of
 //! fingers in that of [`FingerId::ALL`].
 
 use crate::bytes::{Field, Reader, Writer};
+use crate::fault::{Code, LimitSet};
 use crate::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use crate::message::{DecodeError, MessageKind};
 use crate::units::{AngleQ, ForceQ, TipTorqueQ, TorqueQ, VelocityQ};
@@ -48,7 +55,8 @@ pub enum DriveState {
 }
 
 impl DriveState {
-    const ALL: [Self; 8] = [
+    /// All states by their numbers.
+    pub const ALL: [Self; 8] = [
         Self::NotReadyToSwitchOn,
         Self::SwitchOnDisabled,
         Self::ReadyToSwitchOn,
@@ -59,8 +67,41 @@ impl DriveState {
         Self::Fault,
     ];
 
-    fn from_byte(found: u8) -> Result<Self, DecodeError> {
+    /// The state with this number.
+    ///
+    /// # Errors
+    ///
+    /// [`DecodeError::DriveState`] if there is none.
+    pub fn from_byte(found: u8) -> Result<Self, DecodeError> {
         Self::ALL.get(usize::from(found)).copied().ok_or(DecodeError::DriveState { found })
+    }
+}
+
+/// How long the hand has been without a new set-point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Default)]
+#[repr(u8)]
+pub enum BusTier {
+    /// Set-points come in time.
+    #[default]
+    Fresh = 0,
+    /// Some have been missed.
+    Late = 1,
+    /// So many that the last target is held still.
+    Hold = 2,
+    /// The hand has stopped and stays stopped until it is told otherwise.
+    Stop = 3,
+}
+
+impl BusTier {
+    const ALL: [Self; 4] = [Self::Fresh, Self::Late, Self::Hold, Self::Stop];
+
+    /// The tier with this number.
+    ///
+    /// # Errors
+    ///
+    /// [`DecodeError::BusTier`] if there is none.
+    pub fn from_byte(found: u8) -> Result<Self, DecodeError> {
+        Self::ALL.get(usize::from(found)).copied().ok_or(DecodeError::BusTier { found })
     }
 }
 
@@ -69,6 +110,20 @@ impl DriveState {
 pub struct FingerSet(u8);
 
 impl FingerSet {
+    /// Every finger.
+    pub const ALL: Self = Self((1 << FINGER_COUNT) - 1);
+
+    /// One bit for each finger.
+    #[must_use]
+    pub const fn bits(self) -> u8 {
+        self.0
+    }
+
+    /// The fingers in the low bits of a byte.
+    pub(crate) const fn truncated(bits: u8) -> Self {
+        Self(bits & Self::ALL.0)
+    }
+
     /// With this finger added.
     #[must_use]
     pub const fn with(self, finger: FingerId) -> Self {
@@ -91,6 +146,12 @@ impl FingerSet {
 pub struct JointSet(u16);
 
 impl JointSet {
+    /// One bit for each joint.
+    #[must_use]
+    pub const fn bits(self) -> u16 {
+        self.0
+    }
+
     /// With this joint added.
     #[must_use]
     pub const fn with(self, joint: JointId) -> Self {
@@ -103,7 +164,12 @@ impl JointSet {
         self.0 >> joint.index() & 1 == 1
     }
 
-    const fn from_bits(found: u16) -> Result<Self, DecodeError> {
+    /// The set with these bits.
+    ///
+    /// # Errors
+    ///
+    /// [`DecodeError::JointSet`] if one stands for no joint.
+    pub const fn from_bits(found: u16) -> Result<Self, DecodeError> {
         if found >> JOINT_COUNT == 0 { Ok(Self(found)) } else { Err(DecodeError::JointSet { found }) }
     }
 }
@@ -111,12 +177,52 @@ impl JointSet {
 /// How the hand is.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Status {
-    /// State of the drives.
+    /// State of the hand as a whole.
     pub drive: DriveState,
+    /// State of every finger; it has torque only while the hand has.
+    pub fingers: [DriveState; FINGER_COUNT],
+    /// How long set-points have been missing.
+    pub bus: BusTier,
+    /// The first fault since the last reset.
+    pub fault: Code,
     /// Fingers whose contact slips.
     pub slipping: FingerSet,
-    /// Joints held back by a limit of angle, speed or torque.
+    /// Joints held back by a limit.
     pub limited: JointSet,
+    /// Which limits those are.
+    pub limits: LimitSet,
+}
+
+impl Status {
+    const LEN: usize =
+        u8::LEN + <[u8; FINGER_COUNT]>::LEN + u8::LEN + u8::LEN + u8::LEN + u16::LEN + u32::LEN;
+
+    fn put(&self, out: &mut Writer<'_>) {
+        (self.drive as u8).put(out);
+        self.fingers.map(|state| state as u8).put(out);
+        (self.bus as u8).put(out);
+        self.fault.0.put(out);
+        self.slipping.0.put(out);
+        self.limited.0.put(out);
+        self.limits.0.put(out);
+    }
+
+    fn get(input: &mut Reader<'_>) -> Result<Self, DecodeError> {
+        let drive = DriveState::from_byte(Field::get(input))?;
+        let mut fingers = [DriveState::default(); FINGER_COUNT];
+        for finger in &mut fingers {
+            *finger = DriveState::from_byte(Field::get(input))?;
+        }
+        Ok(Self {
+            drive,
+            fingers,
+            bus: BusTier::from_byte(Field::get(input))?,
+            fault: Code(Field::get(input)),
+            slipping: FingerSet::from_byte(Field::get(input))?,
+            limited: JointSet::from_bits(Field::get(input))?,
+            limits: LimitSet(Field::get(input)),
+        })
+    }
 }
 
 /// Force and torque that the world puts on a fingertip, at the centre of its sphere, along the axes of the distal link.
@@ -151,8 +257,12 @@ pub struct HandState {
     pub t_us: u32,
     /// `seq` of the set-point in effect.
     pub echoed_seq: u16,
+    /// How long before `t_us` that set-point came, microseconds; the largest value stands for longer too.
+    pub command_age_us: u16,
     /// How the hand is.
     pub status: Status,
+    /// Frames that the hand has refused since it started, wrapping. The service channel tells why.
+    pub refused: u16,
     /// Measured joint angles.
     pub position: [AngleQ; JOINT_COUNT],
     /// Estimated joint velocities.
@@ -169,8 +279,8 @@ impl HandState {
         + u16::LEN
         + u32::LEN
         + u16::LEN
-        + u8::LEN
-        + u8::LEN
+        + u16::LEN
+        + Status::LEN
         + u16::LEN
         + <[AngleQ; JOINT_COUNT]>::LEN
         + <[VelocityQ; JOINT_COUNT]>::LEN
@@ -184,9 +294,9 @@ impl HandState {
         self.seq.put(&mut out);
         self.t_us.put(&mut out);
         self.echoed_seq.put(&mut out);
-        (self.status.drive as u8).put(&mut out);
-        self.status.slipping.0.put(&mut out);
-        self.status.limited.0.put(&mut out);
+        self.command_age_us.put(&mut out);
+        self.status.put(&mut out);
+        self.refused.put(&mut out);
         self.position.put(&mut out);
         self.velocity.put(&mut out);
         self.torque.put(&mut out);
@@ -198,7 +308,8 @@ impl HandState {
     ///
     /// # Errors
     ///
-    /// Another kind, a drive state that has no meaning, a finger or a joint that does not exist.
+    /// Another kind, a drive state or a bus tier that has no meaning, a finger or a joint that does not exist. A fault or
+    /// a limit that is not known is none: a newer hand may have more of them.
     pub fn decode(bytes: &[u8; Self::LEN]) -> Result<Self, DecodeError> {
         let mut input = Reader(bytes);
         MessageKind::HandState.expect(Field::get(&mut input))?;
@@ -206,11 +317,9 @@ impl HandState {
             seq: Field::get(&mut input),
             t_us: Field::get(&mut input),
             echoed_seq: Field::get(&mut input),
-            status: Status {
-                drive: DriveState::from_byte(Field::get(&mut input))?,
-                slipping: FingerSet::from_byte(Field::get(&mut input))?,
-                limited: JointSet::from_bits(Field::get(&mut input))?,
-            },
+            command_age_us: Field::get(&mut input),
+            status: Status::get(&mut input)?,
+            refused: Field::get(&mut input),
             position: Field::get(&mut input),
             velocity: Field::get(&mut input),
             torque: Field::get(&mut input),
@@ -221,4 +330,4 @@ impl HandState {
     }
 }
 
-const _: () = assert!(HandState::LEN == 139);
+const _: () = assert!(HandState::LEN == 153);

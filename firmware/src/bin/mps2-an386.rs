@@ -1,20 +1,62 @@
-//! The image for QEMU: checks its arithmetic, reports and ends.
+//! The image for QEMU. With the word `lock-step` on its command line it is the hand's controller on a simulated hand; else
+//! it checks its arithmetic, reports and ends.
 #![no_std]
 #![no_main]
 
 use core::fmt::Write;
 
 use cortex_m as _; // its critical section
+use cortex_m::singleton;
 use cortex_m_rt::entry;
-use firmware::board::mps2_an386::{Console, exit};
+use firmware::app::{Controller, Identity};
+use firmware::board::mps2_an386::{Bench, Console, exit, started_with};
+use firmware::control::Sensors;
 use firmware::selfcheck::kinematics_digest;
+use protocol::bench::{BusBytes, FromBoard};
 
 /// Seed of the poses; the host computes the digest with the same.
 const SEED: u32 = 1;
 
+/// The simulated hand's control period.
+const IDENTITY: Identity = Identity { board: "mps2-an386", period_us: 1000 };
+
+/// Status when the controller could not be set up.
+const NO_CONTROLLER: u32 = 2;
+
 #[entry]
 fn main() -> ! {
+    if started_with("lock-step") {
+        match singleton!(: Controller = Controller::new(IDENTITY)) {
+            Some(controller) => control(controller),
+            None => exit(NO_CONTROLLER),
+        }
+    }
     let digest = kinematics_digest(SEED);
     let reported = writeln!(Console::open(), "kinematics_digest seed={SEED} fnv1a64={digest:016x}");
     exit(u32::from(reported.is_err()))
+}
+
+/// Controls the simulated hand until it goes away.
+fn control(controller: &mut Controller) -> ! {
+    let mut bench = Bench::open();
+    while let Some(frame) = bench.read() {
+        controller.receive(frame.bus.as_slice());
+        let sensors = Sensors {
+            position_rad: frame.position_rad,
+            joint_torque_nm: frame.joint_torque_nm,
+            tip_wrench: frame.tip_wrench,
+        };
+        let output = controller.tick(frame.now_us, &sensors);
+        controller.serve();
+        let answer = FromBoard {
+            torque_nm: output.torque_nm,
+            enabled: output.enabled.iter().rev().fold(0, |bits, &on| bits << 1 | u8::from(on)),
+            watchdog_fed: output.feed_watchdog,
+            bus: BusBytes::filled(|room| controller.transmit(room)),
+        };
+        if bench.write(&answer).is_err() {
+            break;
+        }
+    }
+    exit(0)
 }

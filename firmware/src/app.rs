@@ -1,0 +1,252 @@
+//! The whole hand without its hardware: what a board calls, and what runs in the host's twin.
+//!
+//! ```text
+//! every control period   tick(now, sensors) -> torques, enables, may the watchdog be fed
+//! when bytes have come   receive(bytes)
+//! when time is left      serve(), one request;  transmit(room) -> bytes for the line
+//! ```
+//!
+//! `tick` has one length whatever the bus brings; all that may take longer is in `serve`.
+
+mod report;
+mod service;
+
+use hand_model::HandModel;
+use protocol::command::Setpoint;
+use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
+use protocol::service::Event;
+use protocol::telemetry::{BusTier, DriveState, HandState};
+use protocol::units::{AngleQ, TorqueQ};
+
+use crate::control::{self, Sensors, Target, ThumbMode};
+use crate::parameters::{Parameters, Settings};
+use crate::safety::recorder::Recorder;
+use crate::safety::target::{Followed, Follower};
+use crate::safety::watch::Part;
+use crate::safety::{Cycle, Found, Mode, Supervisor, bus::Heard};
+use crate::session::Session;
+
+/// What makes one hand different from another.
+#[derive(Debug, Clone, Copy)]
+pub struct Identity {
+    /// Name of the board.
+    pub board: &'static str,
+    /// Nominal control period.
+    pub period_us: u32,
+}
+
+/// What the drives are to do until the next period.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Output {
+    /// Joint torques, in the order of `JointId`; finite, and 0 where a drive is off.
+    pub torque_nm: [f32; JOINT_COUNT],
+    /// Fingers whose drives are on.
+    pub enabled: [bool; FINGER_COUNT],
+    /// Where the thumb's rotation is to go, while the thumb is on.
+    pub thumb_rotation_rad: Option<f32>,
+    /// Whether all parts have checked in and the watchdog may be fed.
+    pub feed_watchdog: bool,
+}
+
+/// The hand.
+#[derive(Debug, Clone)]
+pub struct Controller {
+    identity: Identity,
+    model: HandModel<f32>,
+    parameters: Parameters,
+    settings: Settings,
+    session: Session,
+    supervisor: Supervisor,
+    recorder: Recorder,
+    control: control::State,
+    follower: Option<Follower>,
+    /// Stiffness of the thumb's tip as it is now, along x, y, z.
+    thumb_stiffness_n_per_m: [f32; 3],
+    zero_nm: [f32; JOINT_COUNT],
+    last: Last,
+    state: HandState,
+}
+
+/// What the period before leaves.
+#[derive(Debug, Clone, Copy)]
+struct Last {
+    now_us: Option<u32>,
+    setpoint: Setpoint,
+    setpoint_us: u32,
+    modes: [Mode; FINGER_COUNT],
+    target_rad: [f32; JOINT_COUNT],
+    output_nm: [f32; JOINT_COUNT],
+    /// Strain gauges before their zero is taken off.
+    raw_torque_nm: [f32; JOINT_COUNT],
+    drives: (DriveState, [DriveState; FINGER_COUNT]),
+    tier: BusTier,
+}
+
+impl Controller {
+    /// A hand with default parameters that has not seen its sensors yet.
+    #[must_use]
+    pub fn new(identity: Identity) -> Self {
+        let model = HandModel::hit_dlr();
+        let parameters = Parameters::default();
+        let mut session = Session::default();
+        session.log().push(0, Event::Started);
+        let zero = [0.0; JOINT_COUNT];
+        Self {
+            identity,
+            settings: parameters.settings(&model, identity.period_us),
+            model,
+            parameters,
+            session,
+            supervisor: Supervisor::default(),
+            recorder: Recorder::default(),
+            control: control::State::default(),
+            follower: None,
+            thumb_stiffness_n_per_m: [0.0; 3],
+            zero_nm: zero,
+            last: Last {
+                now_us: None,
+                setpoint: Setpoint::default(),
+                setpoint_us: 0,
+                modes: [Mode::Off; FINGER_COUNT],
+                target_rad: zero,
+                output_nm: zero,
+                raw_torque_nm: zero,
+                drives: Default::default(),
+                tier: BusTier::default(),
+            },
+            state: HandState::default(),
+        }
+    }
+
+    /// Takes what the line has brought, which may be nothing.
+    pub fn receive(&mut self, bytes: &[u8]) {
+        self.supervisor.check_in(Part::Bus);
+        self.session.receive(bytes, self.last.now_us.unwrap_or(0));
+    }
+
+    /// Bytes for the line, as many as there are or as fit; returns how many.
+    pub fn transmit(&mut self, out: &mut [u8]) -> usize {
+        self.session.transmit(out)
+    }
+
+    /// One control period, which begins at `now_us` of a clock that wraps.
+    pub fn tick(&mut self, now_us: u32, sensors: &Sensors) -> Output {
+        let period_us = self.identity.period_us;
+        let elapsed_us = self.last.now_us.map_or(period_us, |last| now_us.wrapping_sub(last)).max(1);
+        self.last.now_us = Some(now_us);
+        let dt_s = elapsed_us as f32 * 1e-6;
+        self.last.raw_torque_nm = sensors.joint_torque_nm;
+        let mut zeroed = *sensors;
+        for (torque, zero) in zeroed.joint_torque_nm.iter_mut().zip(self.zero_nm) {
+            *torque -= zero;
+        }
+
+        let setpoint = self.session.take_setpoint();
+        self.supervisor.check_in(Part::Sensors);
+        let found = self.supervisor.step(
+            &self.settings.safety,
+            &Cycle {
+                now_us,
+                elapsed_us,
+                heard: Heard {
+                    setpoint: setpoint.as_ref().map(|setpoint| setpoint.seq),
+                    frame: self.session.take_frames(),
+                },
+                word: setpoint.as_ref().map(|setpoint| setpoint.control),
+                sensors: &zeroed,
+                target_rad: &self.last.target_rad,
+                output_nm: &self.last.output_nm,
+            },
+        );
+        let setpoint = setpoint.filter(|_| found.fresh);
+        let followed = self.follow(&found, setpoint.as_ref(), now_us, dt_s);
+        let (output_nm, limits) = self.control(&found, &followed, dt_s);
+        (self.last.target_rad, self.last.output_nm) = (followed.position_rad, output_nm);
+        self.last.modes = found.modes;
+
+        self.update_state(now_us, &found, &followed, &limits);
+        self.record(&found);
+        if setpoint.is_some() {
+            self.state.seq = self.state.seq.wrapping_add(1);
+            self.session.report(&self.state);
+        }
+        self.supervisor.check_in(Part::Control);
+        let enabled = found.modes.map(|mode| mode != Mode::Off);
+        Output {
+            torque_nm: output_nm,
+            enabled,
+            thumb_rotation_rad: enabled[FingerId::Thumb.index()]
+                .then_some(followed.position_rad[JointId::THUMB_ROTATION.index()]),
+            feed_watchdog: self.supervisor.may_feed(elapsed_us),
+        }
+    }
+
+    /// The target of this period.
+    fn follow(&mut self, found: &Found, setpoint: Option<&Setpoint>, now_us: u32, dt_s: f32) -> Followed {
+        let measured = &found.sensors.position_rad;
+        let follower = self.follower.get_or_insert_with(|| Follower::new(*measured));
+        for finger in FingerId::ALL {
+            let i = finger.index();
+            if found.modes[i] == Mode::Off || self.last.modes[i] == Mode::Off {
+                follower.restart(finger, measured);
+            }
+        }
+        if let Some(setpoint) = setpoint {
+            let between_us = now_us.wrapping_sub(self.last.setpoint_us).min(self.settings.safety.bus.stop_us);
+            (self.last.setpoint, self.last.setpoint_us) = (*setpoint, now_us);
+            follower.head_for(
+                setpoint.position.map(AngleQ::to_rad),
+                setpoint.feed_forward.map(TorqueQ::to_nm),
+                between_us as f32 * 1e-6,
+            );
+        }
+        if found.modes.iter().any(|mode| matches!(mode, Mode::Hold | Mode::Stop)) {
+            follower.stay();
+        }
+        follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), dt_s)
+    }
+
+    /// Torques of this period, and why they are less than asked.
+    fn control(
+        &mut self,
+        found: &Found,
+        followed: &Followed,
+        dt_s: f32,
+    ) -> ([f32; JOINT_COUNT], [control::Limit; JOINT_COUNT]) {
+        let stops = found.modes.contains(&Mode::Stop);
+        let config = if stops { &mut self.settings.stop } else { &mut self.settings.control };
+        let asked = &self.last.setpoint.thumb;
+        let most = self.settings.thumb_stiffness_max_n_per_m;
+        for (now, asked) in self.thumb_stiffness_n_per_m.iter_mut().zip(asked.stiffness) {
+            let tighter = *now + self.settings.thumb_stiffness_rate_n_per_m_s * dt_s;
+            *now = asked.to_n_per_m().min(most).min(tighter);
+        }
+        config.thumb.stiffness_n_per_m = self.thumb_stiffness_n_per_m;
+        let most = self.settings.thumb_damping_max_n_s_per_m;
+        config.thumb.damping_n_s_per_m = asked.damping.map(|asked| asked.to_n_s_per_m().min(most));
+
+        let thumb_mode =
+            if self.supervisor.word().thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
+        let target = Target {
+            position_rad: followed.position_rad,
+            velocity_rad_per_s: followed.velocity_rad_per_s,
+            feed_forward_nm: followed.feed_forward_nm,
+            thumb_mode,
+        };
+        let mut torques = control::step(config, &mut self.control, &found.sensors, &target, dt_s);
+        for (joint, nm) in JointId::ALL.into_iter().zip(&mut torques.nm) {
+            if mode_of(&found.modes, joint) == Mode::Off {
+                *nm = 0.0;
+            }
+        }
+        (self.supervisor.gate(torques.nm), torques.limits)
+    }
+}
+
+/// What the finger of a joint does. The thumb's rotation counts as the thumb's.
+fn mode_of(modes: &[Mode; FINGER_COUNT], joint: JointId) -> Mode {
+    modes[joint.finger_joint().map_or(FingerId::Thumb, |(finger, _)| finger).index()]
+}
+
+#[cfg(test)]
+mod tests;
