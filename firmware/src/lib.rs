@@ -1,4 +1,7 @@
-//! The hand controller.
+//! The hand controller: control laws, supervision and the hand's side of the bus, as a library that knows no board.
+//!
+//! [`app::Controller`] is the whole hand: bytes and sensors in, torques and bytes out, once a control period. It runs in
+//! the images under `src/bin`, in `hil-tests` and, its [`control`] part, inside the host's twin.
 #![no_std]
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! What a joint may be given, and why it got less than was asked.
 
-/// Why a joint's torque is not what the control law asked for. The numbers go over the wire and are never reused.
+/// Why a joint's torque is not what the control law asked for. On the wire stands `protocol::fault::Limit`, to which the
+/// session maps these.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(u8)]
 pub enum Limit {
