@@ -1,4 +1,5 @@
 //! Scanning: a laser stripe, two cameras, and an arm that sweeps them over the object.
+pub mod calibrate;
 mod cast;
 pub mod instrument;
 mod mount;
