@@ -6,6 +6,7 @@
 //! network only learns noise. A calibration refuses pixels outside the hull of its markers: there a network, and
 //! to a lesser degree any model, invents.
 mod cmm;
+mod file;
 mod hull;
 mod levenberg;
 mod markers;
@@ -18,6 +19,7 @@ mod select;
 mod tests;
 
 pub use cmm::{Bench, BenchCamera, Verification};
+pub use file::CalibrationFileError;
 pub use hull::Hull;
 pub use markers::{MarkersError, parse_markers};
 pub use model::{Model, ModelKind};

@@ -121,12 +121,19 @@ fn the_number_of_threads_changes_nothing() {
 fn a_stored_calibration_measures_the_same() {
     let pairs = Bench::default().measure(&BenchCamera::rippled(), 2);
     let calibration = calibrate(&pairs, &CalibrateSettings::default()).unwrap().calibration;
-    let text = serde_json::to_string(&calibration).unwrap();
-    assert_eq!(serde_json::from_str::<Calibration>(&text).unwrap(), calibration);
-    let mut short: serde_json::Value = serde_json::from_str(&text).unwrap();
-    short["model"]["residual"]["weights"].as_array_mut().unwrap().pop();
-    let message = serde_json::from_value::<Calibration>(short).unwrap_err().to_string();
+    let text = calibration.to_toml().unwrap();
+    assert_eq!(Calibration::from_toml(&text).unwrap(), calibration);
+    let fails = |text: &str| Calibration::from_toml(text).unwrap_err().to_string();
+    assert_eq!(
+        fails(&text.replace("version = 1", "version = 2")),
+        "calibration version 2, this program reads 1"
+    );
+    let start = text.find("weights = [").unwrap() + "weights = [".len();
+    let end = start + text[start..].find(',').unwrap() + 1;
+    let short = [&text[..start], &text[end..]].concat();
+    let message = fails(&short);
     assert!(message.contains("91 weights instead of 92"), "{message}");
+    assert!(!fails("version = \n").contains('\n'));
 }
 
 #[test]
