@@ -31,6 +31,8 @@ pub struct BenchCamera {
     pub ripple_px: f64,
     /// Length of its waves.
     pub ripple_length_px: f64,
+    /// Whether v grows with depth instead of falling: the instrument's cameras on the two sides differ in this.
+    pub flipped: bool,
     /// How far the middle of the laser sheet stands out of its plane; it returns to it at the ends of the field.
     pub bow_m: f64,
 }
@@ -46,6 +48,7 @@ impl Default for BenchCamera {
             triangulation_rad: 45_f64.to_radians(),
             distortion: [-0.2, 0.05, 5e-4, -3e-4],
             ripple_px: 0.0,
+            flipped: false,
             ripple_length_px: 300.0,
             bow_m: 0.0,
         }
@@ -59,7 +62,8 @@ impl BenchCamera {
         Self { ripple_px: 0.25, bow_m: 1e-4, ..Self::default() }
     }
 
-    /// One of the instrument's cameras, behind the same lens as [`BenchCamera::default`].
+    /// One of the instrument's cameras, behind the same lens as [`BenchCamera::default`], which is also that of the
+    /// rendered images ([`crate::scan::render::Optics::default`]).
     #[must_use]
     pub fn of(instrument: &Instrument, camera: Camera) -> Self {
         let center = instrument.camera_center(camera);
@@ -69,6 +73,7 @@ impl BenchCamera {
             distance_m: instrument.stand_off_m.hypot(center.x),
             stand_off_m: instrument.stand_off_m,
             triangulation_rad: (center.x.abs() / instrument.stand_off_m).atan(),
+            flipped: camera == Camera::Right,
             ..Self::default()
         }
     }
@@ -85,6 +90,7 @@ impl BenchCamera {
         let ray = point - camera;
         let depth = ray.dot(&optical);
         let [a, b] = [ray.x, ray.dot(&optical.cross(&Vector3::x()))].map(|side| side / depth);
+        let b = if self.flipped { -b } else { b };
         let [k1, k2, p1, p2] = self.distortion;
         let r2 = a * a + b * b;
         let radial = 1.0 + r2 * (k1 + r2 * k2);

@@ -58,8 +58,8 @@ impl Network {
     /// Output for a pixel, metres.
     #[must_use]
     pub fn map(&self, pixel: [f64; 2]) -> [f64; 2] {
-        let nodes = Nodes::forward(&self.weights, self.pixel_scaling.to_unit(pixel));
-        self.target_scaling.from_unit(nodes.output)
+        let nodes = Nodes::forward(&self.weights, self.pixel_scaling.shrink(pixel));
+        self.target_scaling.expand(nodes.output)
     }
 }
 
@@ -98,8 +98,8 @@ pub(super) fn train(
     let pixel_scaling = start.pixel_scaling(pixels);
     let target_scaling = start.target_scaling(targets_m);
     let problem = Samples {
-        inputs: pixels.iter().map(|&p| pixel_scaling.to_unit(p)).collect(),
-        targets: targets_m.iter().map(|&t| target_scaling.to_unit(t)).collect(),
+        inputs: pixels.iter().map(|&p| pixel_scaling.shrink(p)).collect(),
+        targets: targets_m.iter().map(|&t| target_scaling.shrink(t)).collect(),
     };
     let residuals = (OUTPUTS * problem.inputs.len()) as f64;
     let mut fit = Levenberg::new(&problem, start.weights(), start.decay());
@@ -115,7 +115,7 @@ pub(super) fn train(
             Step::Improved(share) => recent[iterations as usize % WINDOW] = share,
         }
         iterations += 1;
-        if iterations as usize % EVIDENCE_EVERY == 0 {
+        if iterations.is_multiple_of(EVIDENCE_EVERY) {
             effective = evidence(&mut fit, effective, residuals);
         }
         if recent.iter().sum::<f64>() < limits.improvement {
@@ -133,7 +133,7 @@ const START_DECAY: f64 = 1e-6;
 /// Iterations over which improvement is judged.
 const WINDOW: usize = 10;
 /// Iterations between two estimates of the prior; each inverts a matrix.
-const EVIDENCE_EVERY: usize = 4;
+const EVIDENCE_EVERY: u32 = 4;
 
 /// Sets the prior to what the data say of it, and returns the number of parameters that they determine.
 fn evidence(fit: &mut Levenberg, before: f64, residuals: f64) -> f64 {
@@ -263,8 +263,8 @@ impl Nodes {
             }
             gradient[at + FIRST] = delta;
         }
-        for j in 0..FIRST {
-            let delta = by_first[j] * self.first[j] * (1.0 - self.first[j]);
+        for (j, by_node) in by_first.iter().enumerate() {
+            let delta = by_node * self.first[j] * (1.0 - self.first[j]);
             let at = j * (INPUTS + 1);
             for i in 0..INPUTS {
                 gradient[at + i] = delta * self.input[i];

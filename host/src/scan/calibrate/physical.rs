@@ -49,8 +49,8 @@ impl PhysicalModel {
     pub(super) fn fit(pixels: &[[f64; 2]], targets_m: &[[f64; 2]]) -> Option<(Self, PhysicalFit)> {
         let (pixel_scaling, target_scaling) = (Scaling::of(pixels), Scaling::of(targets_m));
         let problem = Pairs {
-            pixels: pixels.iter().map(|&p| pixel_scaling.to_unit(p).into()).collect(),
-            targets: targets_m.iter().map(|&t| target_scaling.to_unit(t).into()).collect(),
+            pixels: pixels.iter().map(|&p| pixel_scaling.shrink(p).into()).collect(),
+            targets: targets_m.iter().map(|&t| target_scaling.shrink(t).into()).collect(),
         };
         let mut start = DVector::zeros(PHYSICAL_PARAMETERS);
         start.rows_mut(0, 8).copy_from(&problem.homography()?);
@@ -82,7 +82,7 @@ impl PhysicalModel {
     /// Point of the laser plane that a pixel sees, metres; `None` where the distortion cannot be undone.
     #[must_use]
     pub fn map(&self, pixel: [f64; 2]) -> Option<[f64; 2]> {
-        let wanted = Vector2::from(self.pixel_scaling.to_unit(pixel));
+        let wanted = Vector2::from(self.pixel_scaling.shrink(pixel));
         let center = Vector2::from(self.center);
         let mut pinhole = wanted;
         let mut error = f64::INFINITY;
@@ -104,7 +104,7 @@ impl PhysicalModel {
         }
         let back = homography_matrix(&self.homography).try_inverse()? * pinhole.push(1.0);
         let target = back.xy() / back.z;
-        target.iter().all(|x| x.is_finite()).then(|| self.target_scaling.from_unit(target.into()))
+        target.iter().all(|x| x.is_finite()).then(|| self.target_scaling.expand(target.into()))
     }
 }
 

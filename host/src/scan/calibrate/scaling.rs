@@ -25,11 +25,13 @@ impl Scaling {
         }
     }
 
-    pub(super) fn to_unit(self, point: [f64; 2]) -> [f64; 2] {
+    /// To scaled units.
+    pub(super) fn shrink(self, point: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| (point[axis] - self.center[axis]) / self.half)
     }
 
-    pub(super) fn from_unit(self, point: [f64; 2]) -> [f64; 2] {
+    /// Back to the units of the data.
+    pub(super) fn expand(self, point: [f64; 2]) -> [f64; 2] {
         [0, 1].map(|axis| self.center[axis] + point[axis] * self.half)
     }
 }
