@@ -10,6 +10,7 @@ use super::hull::Hull;
 use super::model::{Model, ModelKind};
 use super::network::{Network, Start, Training, TrainingLimits, train};
 use super::physical::{PHYSICAL_PARAMETERS, PhysicalModel};
+use super::scaling::Scaling;
 use super::{Calibration, MarkerPair};
 
 /// How to calibrate.
@@ -111,6 +112,12 @@ pub enum CalibrateError {
     /// Not even the network could be fitted.
     #[error("no model fits the marker pairs")]
     NoFit,
+    /// The best model does not explain the held-out markers: mixed up columns or rows, or markers found wrongly.
+    #[error("the best model misses the held-out markers by {} mm rms", (.rms_m * 1e5).round() / 1e2)]
+    Unexplained {
+        /// Its error.
+        rms_m: f64,
+    },
 }
 
 /// Twice what the physical model has to determine.
@@ -123,6 +130,8 @@ const HOLD_OUT_FIRST: usize = 2;
 const BEYOND_CHANCE: f64 = 2.0;
 /// A gain that nothing after the calibration would notice.
 const NEGLIGIBLE_M: f64 = 1e-7;
+/// Error at the held-out markers, over the longer side of the field, beyond which there is no calibration to speak of.
+const MAX_SHARE: f64 = 0.02;
 /// How far outside its markers a calibration is tried.
 const OUTSIDE_M: f64 = 0.010;
 /// Share of improvement in ten iterations below which training ends.
@@ -159,6 +168,10 @@ pub fn calibrate(pairs: &[MarkerPair], settings: &CalibrateSettings) -> Result<C
         if wins(&rival.0.model, &chosen.0.model, &held_out, &held_out_rows) {
             chosen = rival;
         }
+    }
+    let rms_m = chosen.1.held_out.rms_m;
+    if rms_m > MAX_SHARE * 2.0 * Scaling::of(&columns(pairs).1).half {
+        return Err(CalibrateError::Unexplained { rms_m });
     }
     let model = chosen.1.model.clone();
     let outside = outside(model.kind(), pairs, settings);

@@ -153,6 +153,14 @@ fn markers_that_determine_nothing_are_named() {
     let mut infinite = pairs.clone();
     infinite[17].pixel[1] = f64::INFINITY;
     assert_eq!(fails(&infinite), "marker pair 17 has a coordinate that is not finite");
+    // Pixels in another order than the targets.
+    let mut mixed = pairs.clone();
+    for (pair, other) in mixed.iter_mut().zip(pairs.iter().cycle().skip(413)) {
+        pair.pixel = other.pixel;
+    }
+    let short = CalibrateSettings { starts: 1, max_iterations: 10, ..settings.clone() };
+    let error = calibrate(&mixed, &short).unwrap_err();
+    assert!(matches!(error, CalibrateError::Unexplained { rms_m } if rms_m > 0.002), "{error}");
     let no_start = CalibrateSettings { starts: 0, ..settings.clone() };
     assert_eq!(calibrate(&pairs, &no_start), Err(CalibrateError::NoStart));
 }
