@@ -9,6 +9,7 @@ use std::io::{self, Write};
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
 
+pub mod calibrate;
 pub mod demo;
 pub mod execute;
 mod input;
@@ -40,6 +41,8 @@ struct Cli {
 enum Command {
     /// The whole story on the virtual cell: scan, reconstruct, plan, execute, report
     Demo(demo::DemoArgs),
+    /// Marker pairs -> calibration of a scanner's camera, with its errors
+    Calibrate(calibrate::CalibrateArgs),
     /// Laser-stripe scan of an object in the virtual cell -> cloud in the robot's base frame
     Scan(scan::ScanArgs),
     /// Point cloud -> triangle mesh, by Hoppe's method
@@ -75,6 +78,7 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
 fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     match command {
         Command::Demo(args) => demo::run(&args, out),
+        Command::Calibrate(args) => calibrate::run(&args, out),
         Command::Scan(args) => scan::run(&args, out),
         Command::Reconstruct(args) => reconstruct::run(&args, out),
         Command::Plan(args) => plan::run(&args, out),

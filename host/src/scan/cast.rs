@@ -26,9 +26,10 @@ pub(super) enum Body {
     Table,
 }
 
-struct Hit {
-    distance_m: f64,
-    normal: Vector3<f64>,
+/// Where a ray ends.
+pub(super) struct Hit {
+    pub(super) distance_m: f64,
+    pub(super) normal: Vector3<f64>,
     body: Body,
 }
 
@@ -49,7 +50,8 @@ impl Scene {
         Some(Self { object, table })
     }
 
-    fn hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<Hit> {
+    /// First surface along a ray of unit direction.
+    pub(super) fn hit(&self, origin: &Point3<f64>, direction: &Vector3<f64>) -> Option<Hit> {
         let ray = Ray::new(
             Vector::new(origin.x, origin.y, origin.z),
             Vector::new(direction.x, direction.y, direction.z),
@@ -71,7 +73,8 @@ impl Scene {
         object.or(table)
     }
 
-    fn is_clear(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
+    /// Whether nothing stands between two points.
+    pub(super) fn is_clear(&self, from: &Point3<f64>, to: &Point3<f64>) -> bool {
         let way = to - from;
         let distance = way.norm();
         self.hit(from, &(way / distance)).is_none_or(|hit| hit.distance_m > distance - CLEARANCE_M)

@@ -1,7 +1,10 @@
 //! Scanning: a laser stripe, two cameras, and an arm that sweeps them over the object.
+pub mod calibrate;
 mod cast;
 pub mod instrument;
 mod mount;
+pub mod render;
+pub mod stripe;
 pub mod sweep;
 pub mod virtual_scan;
 

@@ -1,0 +1,124 @@
+use nalgebra::{Rotation3, Translation3, UnitQuaternion};
+
+use super::*;
+use crate::scan::calibrate::{Bench, BenchCamera, CalibrateSettings, Calibration, Evaluation, calibrate};
+use crate::scan::stripe::{Across, LineOutcome, StripeExtractor};
+
+/// A box, corners given.
+fn block(low: [f64; 3], high: [f64; 3]) -> Mesh {
+    let vertices =
+        (0..8).map(|i| Point3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low } else { high }[axis])));
+    let faces = [
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
+    ];
+    Mesh::new(vertices.collect(), faces.to_vec()).unwrap()
+}
+
+/// Looking straight down from the stand-off above the origin, x and y as the base's x and -y.
+fn above() -> Isometry3<f64> {
+    let down = Rotation3::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+    Isometry3::from_parts(Translation3::new(0.0, 0.0, 0.2), UnitQuaternion::from_rotation_matrix(&down))
+}
+
+fn renderer(object: &Mesh, optics: &Optics) -> Renderer {
+    Renderer::new(object, Some(Plane::horizontal(0.0)), &Instrument::default(), optics).unwrap()
+}
+
+fn lines(object: &Mesh, optics: &Optics, camera: Camera) -> Vec<LineOutcome> {
+    let image = renderer(object, optics).exposure(&above(), camera, 7);
+    StripeExtractor::default().image(&image, Across::Columns)
+}
+
+fn calibration(camera: Camera) -> Calibration {
+    let camera = BenchCamera::of(&Instrument::default(), camera);
+    let settings = CalibrateSettings { starts: 1, max_iterations: 20, ..Default::default() };
+    calibrate(&Bench::default().measure(&camera, 1), &settings).unwrap().calibration
+}
+
+#[test]
+fn images_through_extractor_and_calibration_give_the_surface() {
+    // A block 10 mm high on the table, through a lens that distorts.
+    let object = block([-0.02, -0.02, -0.001], [0.02, 0.02, 0.010]);
+    for camera in Camera::ALL {
+        let calibration = calibration(camera);
+        let (mut squares, mut count, mut on_block) = (0.0, 0, 0);
+        for (u, line) in lines(&object, &Optics::default(), camera).iter().enumerate() {
+            let Some(center) = line.center() else { continue };
+            let Evaluation::Point([y, depth]) = calibration.evaluate([u as f64, center.position_px]) else {
+                continue;
+            };
+            // Half a spot at the edges is another matter.
+            if (y.abs() - 0.02).abs() < 0.001 {
+                continue;
+            }
+            let truth = if y.abs() < 0.02 { 0.19 } else { 0.2 };
+            assert!((depth - truth).abs() < 0.001, "{camera:?} column {u}: {depth} instead of {truth}");
+            squares += (depth - truth).powi(2);
+            count += 1;
+            on_block += u32::from(y.abs() < 0.02);
+        }
+        let rms_m = (squares / f64::from(count)).sqrt();
+        println!("{camera:?}: {:.1} um rms over {count} columns", rms_m * 1e6);
+        // A tenth of a pixel is 0.06 mm.
+        assert!(rms_m < 0.0001, "{rms_m}");
+        assert!(count > 400 && on_block > 180, "{count} {on_block}");
+    }
+}
+
+#[test]
+fn what_stands_before_a_camera_hides_the_stripe_from_it_only() {
+    // A wall at negative x, between the stripe and the left camera.
+    let wall = block([-0.02, -0.2, 0.0], [-0.003, 0.2, 0.08]);
+    let seen = |camera| {
+        let outcomes = lines(&wall, &Optics::default(), camera);
+        outcomes.iter().filter(|outcome| outcome.center().is_some()).count()
+    };
+    assert_eq!(seen(Camera::Left), 0);
+    assert!(seen(Camera::Right) > 600);
+}
+
+#[test]
+fn exposure_saturates_and_darkness_is_dark() {
+    let plate = block([-0.1, -0.1, -0.002], [0.1, 0.1, 0.0]);
+    let with = |exposure| lines(&plate, &Optics { exposure, ..Default::default() }, Camera::Right);
+    assert!(with(0.0).iter().all(|outcome| *outcome == LineOutcome::Dark));
+    let middle = |outcomes: &[LineOutcome]| *outcomes[384].center().unwrap();
+    let (normal, bright) = (middle(&with(150.0)), middle(&with(800.0)));
+    assert_eq!(normal.saturated_px, 0);
+    assert!((normal.peak - 150.0).abs() < 40.0, "{normal:?}");
+    assert!(bright.saturated_px >= 3 && bright.width_px > normal.width_px, "{bright:?}");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_image() {
+    let plate = block([-0.1, -0.1, -0.002], [0.1, 0.1, 0.0]);
+    let renderer = renderer(&plate, &Optics::default());
+    let image = |seed| renderer.exposure(&above(), Camera::Left, seed);
+    assert_eq!(image(3), image(3));
+    assert_ne!(image(3), image(4));
+}
+
+#[test]
+fn optics_without_sense_are_refused() {
+    let plate = block([-0.1, -0.1, -0.002], [0.1, 0.1, 0.0]);
+    let new =
+        |instrument: &Instrument, optics: &Optics| Renderer::new(&plate, None, instrument, optics).err();
+    let instrument = Instrument::default();
+    assert_eq!(
+        new(&instrument, &Optics { blur_px: f64::NAN, ..Default::default() }),
+        Some(ScanError::Instrument)
+    );
+    let blind = Instrument { fan_rad: 0.0, ..instrument.clone() };
+    assert_eq!(new(&blind, &Optics::default()), Some(ScanError::Instrument));
+}
