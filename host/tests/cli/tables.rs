@@ -87,7 +87,7 @@ pub(crate) const RECONSTRUCT: &[WrongCall] = &[
     ("reconstruct cloud.ply -o @.stl --cell 0", "'0' for '--cell"),
     ("reconstruct cloud.ply -o @.stl --cell -0.001", "'-0.001' for '--cell"),
     ("reconstruct cloud.ply -o @.stl --cell NaN", "'NaN'"),
-    ("reconstruct cloud.ply -o @.stl --cell 1e-12", "cells of 0.000000000001 m"),
+    ("reconstruct cloud.ply -o @.stl --cell 1e-12", "cells of 1e-12 m"),
     ("reconstruct cloud.ply -o @.stl --cell 1e300", "reconstructing cloud.ply"),
     ("reconstruct cloud.ply -o @.stl --table floor", "'floor'"),
     ("reconstruct cloud.ply -o @.stl --table inf", "'inf'"),
