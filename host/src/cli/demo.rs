@@ -6,13 +6,13 @@ use std::time::Instant;
 
 use anyhow::Context;
 use clap::Args;
-use nalgebra::Isometry3;
 use serde_json::json;
 
 use super::execute::{LinkChoice, Truth, on_twin, write_record};
 use super::input::{self, TABLE_HEIGHT_M};
+use super::pipeline::{self, Search};
 use super::plan::Strategy;
-use super::planning::{Planned, Planner};
+use super::planning::Planned;
 use super::progress::{bar, spinner};
 use super::scan::Sweeps;
 use super::{Outcome, execute, reconstruct as reconstruct_command, scan as scan_command, write_json};
@@ -20,11 +20,10 @@ use crate::exec::{Execution, Verdict};
 use crate::grasp::Contact;
 use crate::io::{Unit, read_mesh, write_atomically, write_cloud, write_mesh};
 use crate::object::Object;
-use crate::plan::arm::Arm;
 use crate::plan::document::hand_angles;
 use crate::plan::scene::Scene;
-use crate::plan::search::SearchSettings;
-use crate::surface::{Mesh, Plane, Settings as ReconstructSettings, Table, reconstruct};
+use crate::scan::Instrument;
+use crate::surface::Mesh;
 use crate::view::picture::Picture;
 
 /// Size of the picture, pixels.
@@ -87,8 +86,9 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
 
     let clock = Instant::now();
     let waiting = spinner("scan");
-    let (sweeps, scan) = scan_command::sweep(&true_mesh, &args.sweeps.settings(), args.seed)
-        .with_context(|| format!("scanning {}", object.name))?;
+    let (sweeps, scan) =
+        scan_command::sweep(&true_mesh, &args.sweeps.settings(), &Instrument::default(), args.seed)
+            .with_context(|| format!("scanning {}", object.name))?;
     waiting.finish_and_clear();
     write_cloud(&file("cloud.ply"), &scan.cloud)?;
     let scan_s = clock.elapsed().as_secs_f64();
@@ -102,14 +102,8 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     )?;
 
     let clock = Instant::now();
-    let settings = ReconstructSettings {
-        table: Table::Plane(Plane::horizontal(TABLE_HEIGHT_M)),
-        close: true,
-        seed: args.seed,
-        ..Default::default()
-    };
     let waiting = spinner("surface");
-    let surface = reconstruct(&scan.cloud, &settings)
+    let surface = pipeline::surface(&scan.cloud, args.seed)
         .with_context(|| format!("reconstructing the scan of {}", object.name))?;
     waiting.finish_and_clear();
     write_mesh(&file("mesh.stl"), &surface.mesh)?;
@@ -186,19 +180,13 @@ fn verdict(execution: Option<&Execution>) -> &'static str {
 }
 
 fn plan(args: &DemoArgs, object: &Object, mesh: Mesh) -> anyhow::Result<(Scene, Planned)> {
-    // The scan is in the base frame, and so is the mesh.
-    let mut scene = Scene::new(mesh, Isometry3::identity(), Some(TABLE_HEIGHT_M), Some(Arm::rx60()))
-        .context("planning on the reconstructed surface")?;
-    scene.friction = args.friction;
-    let settings =
-        SearchSettings { attempts: args.strategy.default_attempts(), seed: args.seed, ..Default::default() };
+    let search =
+        Search { strategy: args.strategy, friction: args.friction, mass_kg: object.mass_kg, seed: args.seed };
+    let progress = bar(args.strategy.default_attempts(), "attempts");
     // The document names what it was planned on: the mesh beside it.
-    let scanned = Object::new("mesh.stl", scene.mesh.clone(), object.mass_kg, object.friction);
-    let progress = bar(settings.attempts, "attempts");
-    let planner = Planner { scene: &scene, object: &scanned, strategy: args.strategy, settings: &settings };
-    let planned = planner.plan(10, &|done| progress.set_position(done as u64));
+    let found = search.run(mesh, "mesh.stl", 10, &|done| progress.set_position(done as u64))?;
     progress.finish_and_clear();
-    Ok((scene, planned))
+    Ok(found)
 }
 
 /// Draws the best grasp.

@@ -12,7 +12,9 @@ use clap::{Parser, Subcommand};
 pub mod calibrate;
 pub mod demo;
 pub mod execute;
+pub mod experiment;
 mod input;
+mod pipeline;
 pub mod plan;
 mod planning;
 mod progress;
@@ -53,6 +55,8 @@ enum Command {
     Quality(quality::QualityArgs),
     /// Run a plan: approach, close, lift, watch for slip
     Execute(execute::ExecuteArgs),
+    /// The paper's experiment on the virtual cell: many trials from scan to hold, as a table
+    Experiment(experiment::ExperimentArgs),
 }
 
 /// Parses, runs, reports. Returns the exit status.
@@ -84,6 +88,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Plan(args) => plan::run(&args, out),
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
+        Command::Experiment(args) => experiment::run(&args, out),
     }
 }
 

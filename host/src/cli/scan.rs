@@ -85,7 +85,7 @@ pub fn run(args: &ScanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let format = if to_stdout { CloudFormat::Ply } else { CloudFormat::from_path(&args.output)? };
     let object = input::object(&args.object, args.unit, None, 0.4)?;
     let (mesh, _) = placed(&object);
-    let (sweeps, mut scan) = sweep(&mesh, &args.sweeps.settings(), args.seed)
+    let (sweeps, mut scan) = sweep(&mesh, &args.sweeps.settings(), &Instrument::default(), args.seed)
         .with_context(|| format!("scanning {}", object.name))?;
     if args.no_table {
         scan.cloud = scan.cloud.filtered(|_, p| p.z > TABLE_HEIGHT_M + 0.001);
@@ -134,7 +134,12 @@ pub(super) fn placed(object: &Object) -> (Mesh, Isometry3<f64>) {
 }
 
 /// Plans the sweeps that the arm can make over a mesh in the base frame, and makes them.
-pub(super) fn sweep(mesh: &Mesh, settings: &SweepSettings, seed: u64) -> anyhow::Result<(SweepPlan, Scan)> {
+pub(super) fn sweep(
+    mesh: &Mesh,
+    settings: &SweepSettings,
+    instrument: &Instrument,
+    seed: u64,
+) -> anyhow::Result<(SweepPlan, Scan)> {
     let arm = Arm::rx60();
     let scanner_from_palm = palm_from_scanner().inverse();
     let reachable = |base_from_scanner: &Isometry3<f64>| {
@@ -144,8 +149,7 @@ pub(super) fn sweep(mesh: &Mesh, settings: &SweepSettings, seed: u64) -> anyhow:
         )
     };
     let (center, radius_m): (Point3<f64>, f64) = target_sphere(mesh);
-    let instrument = Instrument::default();
-    let plan = plan_sweeps(&center, radius_m, &instrument, settings, &reachable);
-    let scan = scan(mesh, Some(Plane::horizontal(TABLE_HEIGHT_M)), &plan.sweeps, &instrument, seed)?;
+    let plan = plan_sweeps(&center, radius_m, instrument, settings, &reachable);
+    let scan = scan(mesh, Some(Plane::horizontal(TABLE_HEIGHT_M)), &plan.sweeps, instrument, seed)?;
     Ok((plan, scan))
 }

@@ -200,6 +200,17 @@ pub(crate) const EXECUTE: &[WrongCall] = &[
     ("execute good.json -o folder", "folder: is a directory"),
 ];
 
+pub(crate) const EXPERIMENT: &[WrongCall] = &[
+    ("experiment --trials 0", "'0' for '--trials"),
+    ("experiment --trials -1", "'-1' for '--trials"),
+    ("experiment --trials many", "'many'"),
+    ("experiment --threads 0", "'0' for '--threads"),
+    ("experiment --seed -1", "'-1' for '--seed"),
+    ("experiment --strategy worst", "'worst'"),
+    ("experiment --sweeps none", "'none'"),
+    ("experiment cube", "'cube'"),
+];
+
 /// Calls that are in order and end in a no: the words are on standard output.
 pub(crate) const NOES: &[WrongCall] = &[
     ("plan square.off --strategy paper -o @.json", "0 with force closure"),
