@@ -11,6 +11,7 @@ use clap::{Parser, Subcommand};
 
 pub mod demo;
 pub mod execute;
+pub mod export;
 mod input;
 pub mod plan;
 mod planning;
@@ -50,6 +51,8 @@ enum Command {
     Quality(quality::QualityArgs),
     /// Run a plan: approach, close, lift, watch for slip
     Execute(execute::ExecuteArgs),
+    /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
+    Export(export::ExportArgs),
 }
 
 /// Parses, runs, reports. Returns the exit status.
@@ -80,6 +83,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Plan(args) => plan::run(&args, out),
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
+        Command::Export(args) => export::run(&args, out),
     }
 }
 

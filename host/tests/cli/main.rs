@@ -1,6 +1,7 @@
 //! The `prehend` command as its users meet it: the real binary, files in a folder of their own, exit status.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "the helpers of these tests are tests themselves")]
 
+mod export;
 mod fixture;
 mod metric;
 mod path;
