@@ -195,7 +195,7 @@ fn coupling_and_actuators(links: &[Link]) -> String {
     let mut text = String::from("  <equality>\n");
     for hinge in hinges().filter(|hinge| hinge.is_coupled) {
         text += &format!(
-            "    <joint joint1=\"{}\" joint2=\"{}\" polycoef=\"0 1 0 0 0\" solref=\"0.004 1\"/>\n",
+            "    <joint joint1=\"{}\" joint2=\"{}\" polycoef=\"0 1 0 0 0\" solref=\"0.002 1\" solimp=\"0.99 0.999 0.001\"/>\n",
             hinge.name,
             hinge.actuator.name()
         );
