@@ -34,6 +34,7 @@ done
 for part in exec link io object view; do
   forbid "host/src/$part" '\bfirmware::|crate::(twin|cli)\b'
 done
+forbid host/src/export '\bfirmware::|crate::(twin|cli|exec)\b'
 forbid firmware/src/control '\bembassy|crate::(board|session)\b'
 forbid host/src/twin/plant.rs 'firmware::'
 

@@ -6,6 +6,7 @@
 #[cfg(feature = "twin")]
 pub mod cli;
 pub mod exec;
+pub mod export;
 pub mod grasp;
 pub mod io;
 pub mod link;

@@ -119,7 +119,7 @@ pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     Ok(if execution.verdict == Verdict::Held { Outcome::Done } else { Outcome::No })
 }
 
-fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
+pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
     let metadata = std::fs::metadata(path)?;
     ensure!(metadata.is_file(), "not a file");
     ensure!(metadata.len() <= MAX_BYTES, "{} bytes are more than a plan has", metadata.len());
@@ -141,14 +141,7 @@ fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     let mut object = match &args.object {
         Some(name) => input::object(name, args.unit, args.mass, friction)?,
         None => {
-            let beside = args.plan.parent().map(|folder| folder.join(&planned.source));
-            let source = match beside {
-                // The plan may have been moved together with its mesh.
-                Some(beside) if !Path::new(&planned.source).exists() && beside.exists() => {
-                    beside.to_string_lossy().into_owned()
-                }
-                _ => planned.source.clone(),
-            };
+            let source = beside(&args.plan, &planned.source);
             let object = planned_object(&source, args.unit, friction)?;
             ensure!(
                 mesh_hash(&object.mesh) == planned.mesh_sha256,
@@ -172,6 +165,17 @@ fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
         input::standing_at_spot(&object.mesh, table_m)
     };
     Ok(Truth { object, base_from_object, table_height_m: document.table_height_m })
+}
+
+/// Where the object that was planned on is: as the plan names it, or beside the plan.
+pub(super) fn beside(plan: &Path, source: &str) -> String {
+    match plan.parent().map(|folder| folder.join(source)) {
+        // The plan may have been moved together with its mesh.
+        Some(beside) if !Path::new(source).exists() && beside.exists() => {
+            beside.to_string_lossy().into_owned()
+        }
+        _ => source.to_owned(),
+    }
 }
 
 /// The object that was planned on, by the name in the plan.

@@ -13,6 +13,7 @@ pub mod calibrate;
 pub mod demo;
 pub mod execute;
 pub mod experiment;
+pub mod export;
 mod input;
 mod pipeline;
 pub mod plan;
@@ -57,6 +58,8 @@ enum Command {
     Execute(execute::ExecuteArgs),
     /// The paper's experiment on the virtual cell: many trials from scan to hold, as a table
     Experiment(experiment::ExperimentArgs),
+    /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
+    Export(export::ExportArgs),
 }
 
 /// Parses, runs, reports. Returns the exit status.
@@ -89,6 +92,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
         Command::Experiment(args) => experiment::run(&args, out),
+        Command::Export(args) => export::run(&args, out),
     }
 }
 

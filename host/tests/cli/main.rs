@@ -2,6 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic, reason = "the helpers of these tests are tests themselves")]
 
 mod experiment;
+mod export;
 mod fixture;
 mod metric;
 mod path;

@@ -100,7 +100,7 @@ fn commands() -> Vec<String> {
 #[test]
 fn every_command_has_help_with_examples_that_parse() {
     let commands = commands();
-    for name in ["demo", "scan", "reconstruct", "plan", "quality", "execute", "experiment"] {
+    for name in ["demo", "scan", "reconstruct", "plan", "quality", "execute", "experiment", "export"] {
         assert!(commands.iter().any(|command| command == name), "{name} is not in {commands:?}");
     }
     for name in commands {

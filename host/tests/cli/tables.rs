@@ -18,6 +18,9 @@ pub(crate) const USAGE: &[WrongCall] = &[
     ("plan box.off", "--output"),
     ("quality", "<CONTACTS.json>"),
     ("execute -o @.json", "<PLAN.json>"),
+    ("export --format urdf -o @.json", "<PLAN.json>"),
+    ("export good.json -o @.json", "--format"),
+    ("export good.json --format urdf", "--output"),
     ("scan --virtual cube -o - --json", "--json and -o -"),
     ("reconstruct cloud.ply -o - --json", "--json and -o -"),
     ("plan box.off -o - --json", "--json and -o -"),
@@ -155,6 +158,35 @@ pub(crate) const QUALITY: &[WrongCall] = &[
     ("quality pinch.json --tolerance -1", "'-1' for '--tolerance"),
     ("quality pinch.json --tolerance NaN", "'NaN'"),
     ("quality pinch.json pinch.json", "'pinch.json'"),
+];
+
+pub(crate) const EXPORT: &[WrongCall] = &[
+    ("export none.json --format mjcf -o @.json", "none.json: No such file"),
+    ("export folder --format mjcf -o @.json", "exporting folder: not a file"),
+    ("export box.off --format urdf -o @.json", "exporting box.off: expected value at line 1"),
+    ("export other-version.json --format urdf -o @.json", "other-version.json: version 2"),
+    ("export other-hand.json --format urdf-arm -o @.json", "the plan is for another hand"),
+    ("export no-grasp.json --format moveit -o @.json", "no-grasp.json: the plan has no grasp"),
+    (
+        "export no-joint.json --format isaac-grasp -o @.json",
+        "grasp 1: squeeze has no angle for joint ring_middle",
+    ),
+    ("export no-rotation.json --format moveit -o @.json", "approach_site is not a finite pose"),
+    ("export wild-rotation.json --format mjcf -o @.json", "grasp_site is not a finite pose"),
+    ("export weightless.json --format mjcf -o @.json", "weightless.json: an object of -1 kg"),
+    ("export negative-friction-plan.json --format mjcf -o @.json", "friction -1 is no coefficient"),
+    ("export other-mesh.json --format mjcf -o @.json", "other.off is not the mesh that was planned on"),
+    ("export lost-mesh.json --format inventor -o @.json", "gone.off: no such file"),
+    ("export good.json --format inventor --unit mm -o @.json", "box.off is not the mesh that was planned on"),
+    ("export good.json --format inventor --unit inch -o @.json", "'inch'"),
+    ("export good.json --format stl -o @.json", "'stl' for '--format"),
+    ("export good.json --format moveit --grasp 99 -o @.json", "--grasp 99: the plan has 1"),
+    ("export good.json --format moveit --grasp 0 -o @.json", "'0' for '--grasp"),
+    ("export good.json --format moveit --grasp 1 --all -o @.json", "'--all'"),
+    ("export good.json --format urdf --grasp 1 -o @.json", "a robot description shows no grasp"),
+    ("export good.json --format mjcf --all -o @.json", "a scene shows one grasp"),
+    ("export good.json --format urdf -o nowhere/@.json", "there is no directory nowhere"),
+    ("export good.json --format urdf -o folder", "folder: is a directory"),
 ];
 
 pub(crate) const EXECUTE: &[WrongCall] = &[

@@ -7,7 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::fixture::fill;
-use crate::tables::{DEMO, EXECUTE, EXPERIMENT, NOES, PLAN, QUALITY, RECONSTRUCT, SCAN, USAGE};
+use crate::tables::{DEMO, EXECUTE, EXPERIMENT, EXPORT, NOES, PLAN, QUALITY, RECONSTRUCT, SCAN, USAGE};
 use crate::{Ran, prehend};
 
 #[test]
@@ -15,7 +15,7 @@ fn wrong_calls_are_told_in_one_line_and_touch_nothing() {
     let folder = tempfile::tempdir().unwrap();
     fill(folder.path());
     let before = snapshot(folder.path());
-    let tables = [USAGE, DEMO, SCAN, RECONSTRUCT, PLAN, QUALITY, EXECUTE, EXPERIMENT];
+    let tables = [USAGE, DEMO, SCAN, RECONSTRUCT, PLAN, QUALITY, EXECUTE, EXPERIMENT, EXPORT];
     let mut wrong = Vec::new();
     for (call, words) in tables.concat() {
         // An output that is not there must not appear, one that is there must stay as it is.
