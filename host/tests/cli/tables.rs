@@ -204,7 +204,7 @@ pub(crate) const EXECUTE: &[WrongCall] = &[
     ("execute no-joint.json -o @.json", "no-joint.json: squeeze has no angle for joint ring_middle"),
     ("execute wild-joint.json -o @.json", "pregrasp: thumb_flexion cannot turn to 1e300 rad"),
     ("execute no-rotation.json -o @.json", "no-rotation.json: approach_site"),
-    ("execute wild-rotation.json -o @.json", "wild-rotation.json: grasp_site has no orientation"),
+    ("execute wild-rotation.json -o @.json", "wild-rotation.json: grasp_site is not a finite pose"),
     ("execute far-object.json -o @.json", "far-object.json: base_from_object is 1e300 m"),
     ("execute far-hand.json -o @.json", "far-hand.json: approach_site is 1e2 m"),
     ("execute long-way.json -o @.json", "long-way.json: approach_site is 4."),
