@@ -8,7 +8,8 @@
 
 use nalgebra::Vector6;
 
-use super::polytope::Polytope;
+use super::polar::Polar;
+use super::polytope::{Nearest, Polytope, Stuck};
 
 /// Heights that rounding can make, as a fraction of the bound of the set.
 const TIE: f64 = 1e-12;
@@ -85,10 +86,48 @@ impl<F: FnMut(&Vector6<f64>) -> Vector6<f64>> Probe<F> {
     }
 }
 
+/// A polytope inside the set that grows where it is nearest to the origin.
+trait Inner {
+    /// Takes out the facet nearest to the origin; `None` when none is nearer than `worth`.
+    fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck>;
+    /// Grows to the hull with `point`, which was found beyond the facet that was taken out last.
+    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck>;
+}
+
+impl Inner for Polar {
+    fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
+        self.pop_nearest(worth)
+    }
+
+    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+        self.insert(facet, &point, worth)
+    }
+}
+
+impl Inner for Polytope {
+    /// Facets farther than `worth` have not been queued.
+    fn pop_nearest(&mut self, _worth: f64) -> Result<Option<Nearest>, Stuck> {
+        Ok(self.pop_nearest())
+    }
+
+    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+        self.insert(facet, point, worth)
+    }
+}
+
+/// Memory of a search.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Hulls {
+    /// Only the facets that matter; left out when `None`.
+    pub(super) polar: Option<Polar>,
+    /// All facets: slower, but it takes any body.
+    pub(super) polytope: Polytope,
+}
+
 /// Brackets the distance from the origin to the boundary of the set whose support function is `farthest` and whose
 /// points are not longer than `bound`. `inside` is any guess at a point of the set.
 pub(super) fn bracket(
-    polytope: &mut Polytope,
+    hulls: &mut Hulls,
     inside: &Vector6<f64>,
     bound: f64,
     goal: &Goal,
@@ -100,10 +139,14 @@ pub(super) fn bracket(
     let Some(simplex) = grow_simplex(&mut probe, inside) else {
         return (Stop::Outside, probe.bracket);
     };
-    let stop = match polytope.start(&simplex, TIE * bound) {
-        Ok(()) => expand(polytope, &mut probe, bound, goal),
-        Err(_) => Stop::Unfinished,
-    };
+    let Hulls { polar, polytope } = hulls;
+    let near = polar.as_mut().and_then(|polar| {
+        polar.start(&simplex, bound, TIE * bound).and_then(|()| expand(polar, &mut probe, bound, goal)).ok()
+    });
+    let stop = near.unwrap_or_else(|| {
+        let whole = polytope.start(&simplex, TIE * bound);
+        whole.and_then(|()| expand(polytope, &mut probe, bound, goal)).unwrap_or(Stop::Unfinished)
+    });
     (stop, probe.bracket)
 }
 
@@ -156,29 +199,27 @@ fn any_across(axes: &[Vector6<f64>]) -> Vector6<f64> {
     without(&best.normalize(), axes).normalize()
 }
 
-fn expand<F>(polytope: &mut Polytope, probe: &mut Probe<F>, bound: f64, goal: &Goal) -> Stop
+fn expand<F>(inner: &mut impl Inner, probe: &mut Probe<F>, bound: f64, goal: &Goal) -> Result<Stop, Stuck>
 where
     F: FnMut(&Vector6<f64>) -> Vector6<f64>,
 {
     loop {
-        let nearest = polytope.pop_nearest();
-        // Facets as far out as the upper bound are not queued: when no other is left, the bounds have met.
+        let nearest = inner.pop_nearest(probe.bracket.high)?;
+        // Facets as far out as the upper bound do not count: when no other is left, the bounds have met.
         let low = nearest.map_or(probe.bracket.high, |facet| facet.low);
         probe.bracket.low = low.max(probe.bracket.low).min(probe.bracket.high);
         if let Some(stop) = verdict(&probe.bracket, probe.floor, bound, goal) {
-            return stop;
+            return Ok(stop);
         }
-        let Some(nearest) = nearest else { return Stop::Unfinished };
+        let Some(nearest) = nearest else { return Ok(Stop::Unfinished) };
         if probe.bracket.queries >= goal.max_queries {
-            return Stop::Unfinished;
+            return Ok(Stop::Unfinished);
         }
         let point = probe.ask(&nearest.normal);
         if let Some(stop) = verdict(&probe.bracket, probe.floor, bound, goal) {
-            return stop;
+            return Ok(stop);
         }
-        if polytope.insert(nearest.facet, point, probe.bracket.high).is_err() {
-            return Stop::Unfinished;
-        }
+        inner.insert(nearest.facet, point, probe.bracket.high)?;
     }
 }
 

@@ -6,6 +6,7 @@ pub mod contact;
 pub mod document;
 mod expand;
 pub mod friction;
+mod polar;
 mod polytope;
 pub mod quality;
 pub mod wrench;
