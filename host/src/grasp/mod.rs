@@ -9,6 +9,7 @@ pub mod friction;
 mod polar;
 mod polytope;
 pub mod quality;
+mod support;
 pub mod wrench;
 
 pub use contact::{Contact, ContactError};

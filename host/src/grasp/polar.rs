@@ -40,12 +40,20 @@ type Lanes = [f64; 8];
 const VERTEX: usize = 6;
 
 /// A vertex that had its turn.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 struct Vertex {
     /// Rows are coordinates. Column `k < 6` has product 1 with point `basis[k]` and 0 with the others of the basis, so its
     /// negative is the edge that leaves their plane; column [`VERTEX`] has product 1 with all.
     columns: [Lanes; 6],
     basis: [u8; 6],
+}
+
+/// What is known of the edges of a vertex: its matrix and basis, and the inverse of the length of each edge, in the unit
+/// in which its column is 1.
+struct Edges<'a> {
+    columns: &'a [Lanes; 6],
+    basis: &'a [u8; 6],
+    inverse_lengths: &'a Lanes,
 }
 
 /// A vertex that waits: where the edge `lane` of `parent` meets the plane of point `cut`. A corner of the first simplex
@@ -189,8 +197,8 @@ impl Polar {
             }
             let at = self.take(&next)?;
             if let Some(low) = self.visit(at, worth)? {
-                let columns = &self.vertices[usize::from(at)].columns;
-                let normal = Vector6::from(columns.map(|row| row[VERTEX])).normalize();
+                let vertex = vertex_of(&self.vertices[usize::from(at)].columns);
+                let normal = Vector6::from(vertex).normalize();
                 return Ok(Some(Nearest { facet: u32::from(at), normal, low }));
             }
         }
@@ -205,12 +213,16 @@ impl Polar {
         let cut = self.points.len();
         self.points.push(std::array::from_fn(|k| point[k] - self.center[k]));
         let at = facet as u16;
-        let vertex = &self.vertices[usize::from(at)];
-        let products = products(&vertex.columns, &self.points[cut]);
-        if products[VERTEX] - 1.0 <= self.tie * length(&vertex.columns) {
+        let Vertex { columns, basis } = self.vertices[usize::from(at)];
+        let products = products(&columns, &self.points[cut]);
+        let over = products[VERTEX] - 1.0;
+        let vertex = vertex_of(&columns);
+        if over <= self.tie * dot(&vertex, &vertex).sqrt() {
             return Err(Stuck);
         }
-        self.add_crossed(at, cut, &products, worth)
+        let inverse_lengths = self.inverse_lengths;
+        let edges = Edges { columns: &columns, basis: &basis, inverse_lengths: &inverse_lengths };
+        self.add_crossed(at, &edges, cut, &products, over, worth)
     }
 
     /// Gives the vertex its matrix.
@@ -225,40 +237,45 @@ impl Polar {
         let lane = usize::from(next.lane);
         let products = products(&parent.columns, &self.points[usize::from(next.cut)]);
         let pivot = 1.0 / products[lane];
-        let mut factors = products.map(|product| product * pivot);
+        let mut factors = products;
+        for factor in &mut factors {
+            *factor *= pivot;
+        }
         factors[lane] = 1.0 - pivot;
         factors[VERTEX] = (products[VERTEX] - 1.0) * pivot;
-        let columns = parent.columns.map(|row| {
+        let mut child = *parent;
+        for row in &mut child.columns {
             let along = row[lane];
-            std::array::from_fn(|k| row[k] - along * factors[k])
-        });
-        let mut basis = parent.basis;
-        basis[lane] = next.cut;
-        self.vertices.push(Vertex { columns, basis });
+            for k in 0..8 {
+                row[k] -= along * factors[k];
+            }
+        }
+        child.basis[lane] = next.cut;
+        self.vertices.push(child);
         Ok(self.vertices.len() as u16 - 1)
     }
 
-    /// Finds the edges of a vertex among the points up to the newest of its basis, then lets the later ones cut.
+    /// Finds how long the edges of a vertex are among the points up to the newest of its basis, then lets the later
+    /// ones cut.
     ///
     /// Gives the distance of the facet when the vertex is left, rounded down as [`Nearest::low`] is.
     fn visit(&mut self, at: u16, worth: f64) -> Result<Option<f64>, Stuck> {
-        let Vertex { columns, basis } = &self.vertices[usize::from(at)];
-        let (columns, basis) = (*columns, *basis);
-        let length = length(&columns);
+        let Vertex { columns, basis } = self.vertices[usize::from(at)];
+        let vertex = vertex_of(&columns);
+        let length = dot(&vertex, &vertex).sqrt();
         let tie = self.tie * length;
-        let mut spoilt = 0.0_f64;
-        let mut newest = 0;
         let mut in_basis = [0_u64; MAX_POINTS / 64];
-        for point in basis {
-            let over = dot(&self.points[usize::from(point)], &columns.map(|row| row[VERTEX])) - 1.0;
-            spoilt = spoilt.max(over.abs());
-            newest = newest.max(usize::from(point));
-            in_basis[usize::from(point) / 64] |= 1 << (point % 64);
+        let (mut newest, mut residual) = (0, 0.0_f64);
+        for point in basis.map(usize::from) {
+            in_basis[point / 64] |= 1 << (point % 64);
+            newest = newest.max(point);
+            residual = residual.max((dot(&self.points[point], &vertex) - 1.0).abs());
         }
-        if !(spoilt <= MAX_RESIDUAL_TIES * tie) {
+        // A NaN must not pass.
+        if !(residual <= MAX_RESIDUAL_TIES * tie) {
             return Err(Stuck);
         }
-        self.inverse_lengths = [0.0; 8];
+        let mut inverse_lengths = [0.0; 8];
         for point in 0..self.points.len() {
             if in_basis[point / 64] >> (point % 64) & 1 == 1 {
                 continue;
@@ -266,50 +283,65 @@ impl Polar {
             let products = products(&columns, &self.points[point]);
             let over = products[VERTEX] - 1.0;
             if point > newest {
+                let edges = Edges { columns: &columns, basis: &basis, inverse_lengths: &inverse_lengths };
+                let step = if over > tie { over } else { over.min(0.0) };
+                self.add_crossed(at, &edges, point, &products, step, worth)?;
                 if over > tie {
-                    self.add_crossed(at, point, &products, worth)?;
                     return Ok(None);
                 }
-                self.add_crossed(at, point, &products, worth)?;
             }
-            let slack = 1.0 / ((-over).max(0.0) + tie);
-            for (most, product) in self.inverse_lengths.iter_mut().zip(products) {
-                let inverse = (-product - PIVOT) * slack;
-                *most = if inverse > *most { inverse } else { *most };
+            let inverse_slack = 1.0 / ((-over).max(0.0) + tie);
+            for k in 0..8 {
+                let inverse = (-products[k] - PIVOT) * inverse_slack;
+                inverse_lengths[k] = if inverse > inverse_lengths[k] { inverse } else { inverse_lengths[k] };
             }
         }
-        let along = dot(&self.center, &columns.map(|row| row[VERTEX]));
-        Ok(Some((1.0 - spoilt + along) / length))
+        self.inverse_lengths = inverse_lengths;
+        Ok(Some((1.0 - residual + dot(&vertex, &self.center)) / length))
     }
 
-    /// Queues the new vertices where the plane of point `cut` crosses the edges of a vertex, on either side of it.
-    fn add_crossed(&mut self, at: u16, cut: usize, products: &Lanes, worth: f64) -> Result<(), Stuck> {
-        let Vertex { columns, basis } = &self.vertices[usize::from(at)];
-        let over = products[VERTEX] - 1.0;
-        let is_cut = over > self.tie * length(columns);
-        let (over, side) = if is_cut { (over, 1.0) } else { (over.min(0.0), -1.0) };
-        let size = over.abs();
-        let crossed: [bool; 6] = std::array::from_fn(|k| {
+    /// Queues the new vertices where the plane of point `cut` crosses the edges of a vertex: `over` is how far the point
+    /// is beyond the vertex, positive when the vertex is cut off.
+    fn add_crossed(
+        &mut self,
+        at: u16,
+        edges: &Edges,
+        cut: usize,
+        products: &Lanes,
+        over: f64,
+        worth: f64,
+    ) -> Result<(), Stuck> {
+        let side = if over > 0.0 { 1.0 } else { -1.0 };
+        let mut most = f64::NEG_INFINITY;
+        let mut margins = [0.0; 8];
+        for k in 0..6 {
             let product = products[k] * side;
-            product > PIVOT && size * self.inverse_lengths[k] <= product
-        });
-        if crossed == [false; 6] {
+            let inside = product - over.abs() * edges.inverse_lengths[k];
+            let steep = product - PIVOT;
+            margins[k] = if inside < steep { inside } else { steep };
+            most = if margins[k] > most { margins[k] } else { most };
+        }
+        if !(most >= 0.0) {
             return Ok(());
         }
-        let steps: Lanes = std::array::from_fn(|k| over / products[k]);
+        let mut steps = [0.0; 8];
         let (mut squares, mut along) = ([0.0; 8], [1.0; 8]);
-        for (row, center) in columns.iter().zip(self.center) {
+        for k in 0..8 {
+            steps[k] = over / products[k];
+        }
+        for (row, center) in edges.columns.iter().zip(self.center) {
             for k in 0..8 {
                 let x = row[VERTEX] - steps[k] * row[k];
                 squares[k] += x * x;
                 along[k] += x * center;
             }
         }
-        let distances: Lanes = std::array::from_fn(|k| along[k] / squares[k].sqrt());
-        let basis = *basis;
+        for k in 0..8 {
+            along[k] /= squares[k].sqrt();
+        }
         for lane in 0..6 {
-            if crossed[lane] && distances[lane] < worth && self.seen.insert(key(&basis, lane, cut))? {
-                self.push(distances[lane], at, lane as u8, cut as u8);
+            if margins[lane] >= 0.0 && along[lane] < worth && self.seen.insert(key(edges.basis, lane, cut))? {
+                self.push(along[lane], at, lane as u8, cut as u8);
             }
         }
         Ok(())
@@ -340,15 +372,23 @@ fn products(columns: &[Lanes; 6], point: &[f64; 6]) -> Lanes {
     sums
 }
 
-fn length(columns: &[Lanes; 6]) -> f64 {
-    columns.iter().map(|row| row[VERTEX] * row[VERTEX]).sum::<f64>().sqrt()
+fn vertex_of(columns: &[Lanes; 6]) -> [f64; 6] {
+    let mut vertex = [0.0; 6];
+    for (x, row) in vertex.iter_mut().zip(columns) {
+        *x = row[VERTEX];
+    }
+    vertex
 }
 
 fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+    let mut sum = 0.0;
+    for (x, y) in a.iter().zip(b) {
+        sum += x * y;
+    }
+    sum
 }
 
-/// Names a set of six points: their bytes in ascending order.
+/// Names a set of six points by their bytes in ascending order: a basis with one point less and a newer one.
 fn key(basis: &[u8; 6], without: usize, with: usize) -> u64 {
     let mut set = *basis;
     set[without] = with as u8;
