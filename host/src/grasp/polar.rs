@@ -46,6 +46,7 @@ struct Vertex {
     /// negative is the edge that leaves their plane; column [`VERTEX`] has product 1 with all.
     columns: [Lanes; 6],
     basis: [u8; 6],
+    name: u64,
 }
 
 /// What is known of the edges of a vertex: its matrix and basis, and the inverse of the length of each edge, in the unit
@@ -53,6 +54,7 @@ struct Vertex {
 struct Edges<'a> {
     columns: &'a [Lanes; 6],
     basis: &'a [u8; 6],
+    name: u64,
     inverse_lengths: &'a Lanes,
 }
 
@@ -102,11 +104,11 @@ impl Seen {
         }
     }
 
-    /// Whether the set is new. Its key takes 48 bits.
-    fn insert(&mut self, key: u64) -> Result<bool, Stuck> {
-        let entry = key | u64::from(self.round) << 48;
-        // Fibonacci hashing: the high bits of the product depend on all bits of the key.
-        let mut at = (key.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % SLOTS;
+    /// Whether the set is new. Its name takes 48 bits.
+    fn insert(&mut self, name: u64) -> Result<bool, Stuck> {
+        let entry = name | u64::from(self.round) << 48;
+        // Fibonacci hashing: the high bits of the product depend on all bits of the name.
+        let mut at = (name.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % SLOTS;
         while self.slots[at] >> 48 == u64::from(self.round) {
             if self.slots[at] == entry {
                 return Ok(false);
@@ -183,7 +185,7 @@ impl Polar {
             }
             let distance = (1.0 + of_vertex.dot(&center)) / of_vertex.norm();
             let parent = self.vertices.len() as u16;
-            self.vertices.push(Vertex { columns, basis });
+            self.vertices.push(Vertex { columns, basis, name: name(&basis) });
             self.push(distance, parent, NO_EDGE, 0);
         }
         Ok(())
@@ -213,7 +215,7 @@ impl Polar {
         let cut = self.points.len();
         self.points.push(std::array::from_fn(|k| point[k] - self.center[k]));
         let at = facet as u16;
-        let Vertex { columns, basis } = self.vertices[usize::from(at)];
+        let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
         let products = products(&columns, &self.points[cut]);
         let over = products[VERTEX] - 1.0;
         let vertex = vertex_of(&columns);
@@ -221,7 +223,7 @@ impl Polar {
             return Err(Stuck);
         }
         let inverse_lengths = self.inverse_lengths;
-        let edges = Edges { columns: &columns, basis: &basis, inverse_lengths: &inverse_lengths };
+        let edges = Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
         self.add_crossed(at, &edges, cut, &products, over, worth)
     }
 
@@ -250,6 +252,7 @@ impl Polar {
                 row[k] -= along * factors[k];
             }
         }
+        child.name = renamed(child.name, child.basis[lane], next.cut);
         child.basis[lane] = next.cut;
         self.vertices.push(child);
         Ok(self.vertices.len() as u16 - 1)
@@ -260,7 +263,7 @@ impl Polar {
     ///
     /// Gives the distance of the facet when the vertex is left, rounded down as [`Nearest::low`] is.
     fn visit(&mut self, at: u16, worth: f64) -> Result<Option<f64>, Stuck> {
-        let Vertex { columns, basis } = self.vertices[usize::from(at)];
+        let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
         let vertex = vertex_of(&columns);
         let length = dot(&vertex, &vertex).sqrt();
         let tie = self.tie * length;
@@ -283,7 +286,8 @@ impl Polar {
             let products = products(&columns, &self.points[point]);
             let over = products[VERTEX] - 1.0;
             if point > newest {
-                let edges = Edges { columns: &columns, basis: &basis, inverse_lengths: &inverse_lengths };
+                let edges =
+                    Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
                 let step = if over > tie { over } else { over.min(0.0) };
                 self.add_crossed(at, &edges, point, &products, step, worth)?;
                 if over > tie {
@@ -340,7 +344,10 @@ impl Polar {
             along[k] /= squares[k].sqrt();
         }
         for lane in 0..6 {
-            if margins[lane] >= 0.0 && along[lane] < worth && self.seen.insert(key(edges.basis, lane, cut))? {
+            if margins[lane] >= 0.0
+                && along[lane] < worth
+                && self.seen.insert(renamed(edges.name, edges.basis[lane], cut as u8))?
+            {
                 self.push(along[lane], at, lane as u8, cut as u8);
             }
         }
@@ -388,10 +395,15 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     sum
 }
 
-/// Names a set of six points by their bytes in ascending order: a basis with one point less and a newer one.
-fn key(basis: &[u8; 6], without: usize, with: usize) -> u64 {
-    let mut set = *basis;
-    set[without] = with as u8;
-    set.sort_unstable();
-    set.iter().fold(0, |key, &point| key << 8 | u64::from(point))
+/// The name of a set of six points, their bytes in ascending order, when one of them gives way to a newer one than all.
+fn renamed(name: u64, without: u8, with: u8) -> u64 {
+    let is_it = |shift: &u32| name >> shift & 0xff == u64::from(without);
+    let shift = (0..6).map(|place| 8 * place).find(is_it).unwrap_or(0);
+    let (above, below) = (name >> (shift + 8), name & ((1 << shift) - 1));
+    (above << shift | below) << 8 | u64::from(with)
+}
+
+/// The name of a set in ascending order.
+fn name(points: &[u8; 6]) -> u64 {
+    points.iter().fold(0, |name, &point| name << 8 | u64::from(point))
 }
