@@ -156,7 +156,9 @@ pub(super) fn bracket(
     });
     let stop = near.unwrap_or_else(|| {
         let whole = polytope.start(&simplex, TIE * bound);
-        whole.and_then(|()| expand(polytope, &mut probe, bound, goal)).unwrap_or(Stop::Unfinished)
+        let stop = whole.and_then(|()| expand(polytope, &mut probe, bound, goal));
+        polytope.release_excess();
+        stop.unwrap_or(Stop::Unfinished)
     });
     (stop, probe.bracket)
 }

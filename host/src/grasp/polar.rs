@@ -29,6 +29,13 @@ const MAX_POINTS: usize = 256;
 const MAX_GRADIENT: f64 = 2e3;
 /// The inner point's least barycentric coordinate in the first simplex, before normalization.
 const MIN_DEPTH: f64 = 0.02;
+/// Rounding in the product of a point with a vertex, as a fraction of the bound of the set times the vertex's length:
+/// three times what six products and a matrix can make. Within, it is open on which side of the facet the point is.
+const NOISE: f64 = 2e-15;
+/// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts share
+/// planes, edges of pyramids too; without it every facet with more than six points were many vertices in one place. It
+/// is a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
+const DRAWN_IN: f64 = 2e-12;
 /// Points of a facet may be off its plane by this many ties before its matrix counts as spoilt.
 const MAX_RESIDUAL_TIES: f64 = 4.0;
 /// Coordinates of a point in a basis, below which they are rounding.
@@ -139,8 +146,9 @@ pub(super) struct Polar {
     serial: u32,
     /// Of the vertex that was visited last: the inverse of the length of each edge.
     inverse_lengths: Lanes,
-    /// Heights above a facet up to this one are ties.
+    /// Heights above a facet that count as none, and those that are noise.
     tie: f64,
+    noise: f64,
 }
 
 impl Polar {
@@ -153,6 +161,7 @@ impl Polar {
         self.seen.clear();
         self.serial = 0;
         self.tie = tie;
+        self.noise = NOISE * bound;
 
         let gradients = gradients(simplex).ok_or(Stuck)?;
         // A NaN must not pass.
@@ -168,7 +177,9 @@ impl Polar {
         let depths = depths.map(|depth| depth / total);
         let center: Vector6<f64> = simplex.iter().zip(depths).map(|(p, depth)| p * depth).sum();
         self.center = center.into();
-        self.points.extend(simplex.iter().map(|p| <[f64; 6]>::from(p - center)));
+        for corner in simplex {
+            self.draw_in(corner);
+        }
         for lacking in 0..7_usize {
             let basis: [u8; 6] = std::array::from_fn(|k| (if k < lacking { k } else { k + 1 }) as u8);
             let of_vertex = gradients[lacking] / -depths[lacking];
@@ -185,7 +196,8 @@ impl Polar {
             }
             let distance = (1.0 + of_vertex.dot(&center)) / of_vertex.norm();
             let parent = self.vertices.len() as u16;
-            self.vertices.push(Vertex { columns, basis, name: name(&basis) });
+            let name = basis.iter().fold(0, |name, &point| name << 8 | u64::from(point));
+            self.vertices.push(Vertex { columns, basis, name });
             self.push(distance, parent, NO_EDGE, 0);
         }
         Ok(())
@@ -213,7 +225,7 @@ impl Polar {
             return Err(Stuck);
         }
         let cut = self.points.len();
-        self.points.push(std::array::from_fn(|k| point[k] - self.center[k]));
+        self.draw_in(point);
         let at = facet as u16;
         let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
         let products = products(&columns, &self.points[cut]);
@@ -225,6 +237,13 @@ impl Polar {
         let inverse_lengths = self.inverse_lengths;
         let edges = Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
         self.add_crossed(at, &edges, cut, &products, over, worth)
+    }
+
+    fn draw_in(&mut self, point: &Vector6<f64>) {
+        // Multiples of the golden ratio are apart from each other, modulo one, however many they are.
+        let place = (self.points.len() as f64 * 0.618_033_988_749_894_9).fract();
+        let scale = 1.0 - DRAWN_IN * place;
+        self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
     }
 
     /// Gives the vertex its matrix.
@@ -266,9 +285,10 @@ impl Polar {
         let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
         let vertex = vertex_of(&columns);
         let length = dot(&vertex, &vertex).sqrt();
-        let tie = self.tie * length;
+        let (tie, noise) = (self.tie * length, self.noise * length);
         let mut in_basis = [0_u64; MAX_POINTS / 64];
-        let (mut newest, mut residual) = (0, 0.0_f64);
+        // All corners of the first simplex are there from the start.
+        let (mut newest, mut residual) = (6, 0.0_f64);
         for point in basis.map(usize::from) {
             in_basis[point / 64] |= 1 << (point % 64);
             newest = newest.max(point);
@@ -288,13 +308,13 @@ impl Polar {
             if point > newest {
                 let edges =
                     Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
-                let step = if over > tie { over } else { over.min(0.0) };
-                self.add_crossed(at, &edges, point, &products, step, worth)?;
-                if over > tie {
+                let surely_over = if over.abs() > noise { over } else { 0.0 };
+                self.add_crossed(at, &edges, point, &products, surely_over, worth)?;
+                if over > noise {
                     return Ok(None);
                 }
             }
-            let inverse_slack = 1.0 / ((-over).max(0.0) + tie);
+            let inverse_slack = 1.0 / ((-over).max(0.0) + noise);
             for k in 0..8 {
                 let inverse = (-products[k] - PIVOT) * inverse_slack;
                 inverse_lengths[k] = if inverse > inverse_lengths[k] { inverse } else { inverse_lengths[k] };
@@ -305,7 +325,8 @@ impl Polar {
     }
 
     /// Queues the new vertices where the plane of point `cut` crosses the edges of a vertex: `over` is how far the point
-    /// is beyond the vertex, positive when the vertex is cut off.
+    /// is beyond the vertex, positive when the vertex is cut off. When it is 0, the plane may have crossed either an edge
+    /// or its continuation, and both count: a vertex too many does no harm.
     fn add_crossed(
         &mut self,
         at: u16,
@@ -315,11 +336,10 @@ impl Polar {
         over: f64,
         worth: f64,
     ) -> Result<(), Stuck> {
-        let side = if over > 0.0 { 1.0 } else { -1.0 };
         let mut most = f64::NEG_INFINITY;
         let mut margins = [0.0; 8];
         for k in 0..6 {
-            let product = products[k] * side;
+            let product = if over == 0.0 { products[k].abs() } else { products[k] * over.signum() };
             let inside = product - over.abs() * edges.inverse_lengths[k];
             let steep = product - PIVOT;
             margins[k] = if inside < steep { inside } else { steep };
@@ -395,15 +415,10 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
     sum
 }
 
-/// The name of a set of six points, their bytes in ascending order, when one of them gives way to a newer one than all.
+/// The name of a set of six points, their bytes in ascending order, when one gives way to one newer than all.
 fn renamed(name: u64, without: u8, with: u8) -> u64 {
     let is_it = |shift: &u32| name >> shift & 0xff == u64::from(without);
     let shift = (0..6).map(|place| 8 * place).find(is_it).unwrap_or(0);
     let (above, below) = (name >> (shift + 8), name & ((1 << shift) - 1));
     (above << shift | below) << 8 | u64::from(with)
-}
-
-/// The name of a set in ascending order.
-fn name(points: &[u8; 6]) -> u64 {
-    points.iter().fold(0, |name, &point| name << 8 | u64::from(point))
 }

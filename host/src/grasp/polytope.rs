@@ -9,6 +9,9 @@ use nalgebra::{Matrix6, Vector6};
 /// as round as those of four fingers around a cube takes 20,000 for three digits and 300,000 for six.
 const MAX_FACETS: usize = 1 << 19;
 
+/// Facets that memory is kept for from one use to the next, about 5 MB: more than a common grasp takes.
+const KEPT_FACETS: usize = 1 << 15;
+
 /// In place of a neighbour, until the cone of new facets is joined.
 const NOT_JOINED: u32 = u32::MAX;
 
@@ -75,7 +78,7 @@ pub(super) struct Nearest {
 /// surface by construction, whatever the rounding; so when all are at a positive distance, a ball with the least of
 /// them is inside, even if the surface were not quite convex.
 ///
-/// Slots of covered facets are used again, and all memory is kept from one use to the next.
+/// Slots of covered facets are used again, and memory is kept from one use to the next.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Polytope {
     points: Vec<Vector6<f64>>,
@@ -152,6 +155,13 @@ impl Polytope {
         self.free.extend_from_slice(&self.visible);
         self.enqueue(worth);
         Ok(())
+    }
+
+    /// Gives back the memory of an unusually large polytope.
+    pub(super) fn release_excess(&mut self) {
+        if self.facets.capacity() > KEPT_FACETS {
+            *self = Self::default();
+        }
     }
 
     fn height(&mut self, facet: u32, point: &Vector6<f64>, apex: u32) -> f64 {

@@ -220,7 +220,8 @@ impl Closure {
     }
 }
 
-/// Memory of an evaluation. One that is kept, one per thread, makes later evaluations free of allocation.
+/// Memory of an evaluation, at most some megabytes between evaluations. One that is kept, one per thread, makes later
+/// evaluations free of allocation, but for those whose wrenches are as round as a ball.
 #[derive(Debug, Clone)]
 pub struct Workspace {
     map: GraspMap,
