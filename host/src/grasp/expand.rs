@@ -8,7 +8,8 @@
 
 use nalgebra::Vector6;
 
-use super::polytope::Polytope;
+use super::polar::Polar;
+use super::polytope::{Nearest, Polytope, Stuck};
 
 /// Heights that rounding can make, as a fraction of the bound of the set.
 const TIE: f64 = 1e-12;
@@ -65,6 +66,7 @@ struct Probe<F> {
     farthest: F,
     bracket: Bracket,
     floor: f64,
+    reject_below: Option<f64>,
 }
 
 impl<F: FnMut(&Vector6<f64>) -> Vector6<f64>> Probe<F> {
@@ -80,15 +82,61 @@ impl<F: FnMut(&Vector6<f64>) -> Vector6<f64>> Probe<F> {
         point
     }
 
-    fn is_outside(&self) -> bool {
-        self.bracket.high <= self.floor
+    /// Whether the upper bound alone ends the search.
+    fn refusal(&self) -> Option<Stop> {
+        let high = self.bracket.high;
+        if high <= self.floor {
+            Some(Stop::Outside)
+        } else if self.reject_below.is_some_and(|least| high < least) {
+            Some(Stop::Below)
+        } else {
+            None
+        }
     }
+}
+
+/// A polytope inside the set that grows where it is nearest to the origin.
+trait Inner {
+    /// Takes out the facet nearest to the origin; `None` when none is nearer than `worth`.
+    fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck>;
+    /// Grows to the hull with `point`, which was found beyond the facet that was taken out last.
+    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck>;
+}
+
+impl Inner for Polar {
+    fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
+        self.pop_nearest(worth)
+    }
+
+    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+        self.insert(facet, &point, worth)
+    }
+}
+
+impl Inner for Polytope {
+    /// Facets farther than `worth` have not been queued.
+    fn pop_nearest(&mut self, _worth: f64) -> Result<Option<Nearest>, Stuck> {
+        Ok(self.pop_nearest())
+    }
+
+    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+        self.insert(facet, point, worth)
+    }
+}
+
+/// Memory of a search.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Hulls {
+    /// Only the facets that matter; left out when `None`.
+    pub(super) polar: Option<Polar>,
+    /// All facets: slower, but it takes any body.
+    pub(super) polytope: Polytope,
 }
 
 /// Brackets the distance from the origin to the boundary of the set whose support function is `farthest` and whose
 /// points are not longer than `bound`. `inside` is any guess at a point of the set.
 pub(super) fn bracket(
-    polytope: &mut Polytope,
+    hulls: &mut Hulls,
     inside: &Vector6<f64>,
     bound: f64,
     goal: &Goal,
@@ -96,29 +144,37 @@ pub(super) fn bracket(
 ) -> (Stop, Bracket) {
     let nothing =
         Bracket { low: f64::NEG_INFINITY, high: f64::INFINITY, direction: Vector6::x(), queries: 0 };
-    let mut probe = Probe { farthest, bracket: nothing, floor: floor(bound) };
-    let Some(simplex) = grow_simplex(&mut probe, inside) else {
-        return (Stop::Outside, probe.bracket);
+    let mut probe =
+        Probe { farthest, bracket: nothing, floor: floor(bound), reject_below: goal.reject_below };
+    let simplex = match grow_simplex(&mut probe, inside) {
+        Ok(simplex) => simplex,
+        Err(stop) => return (stop, probe.bracket),
     };
-    let stop = match polytope.start(&simplex, TIE * bound) {
-        Ok(()) => expand(polytope, &mut probe, bound, goal),
-        Err(_) => Stop::Unfinished,
-    };
+    let Hulls { polar, polytope } = hulls;
+    let near = polar.as_mut().and_then(|polar| {
+        polar.start(&simplex, bound, TIE * bound).and_then(|()| expand(polar, &mut probe, bound, goal)).ok()
+    });
+    let stop = near.unwrap_or_else(|| {
+        let whole = polytope.start(&simplex, TIE * bound);
+        let stop = whole.and_then(|()| expand(polytope, &mut probe, bound, goal));
+        polytope.release_excess();
+        stop.unwrap_or(Stop::Unfinished)
+    });
     (stop, probe.bracket)
 }
 
-/// Seven points of the set that span space, or `None` when a direction was met that separates the set from the origin.
+/// Seven points of the set that span space, unless a direction was met in which it reaches too little.
 ///
 /// Each query goes from the span so far towards the origin, as GJK does; when the origin is in the span, it goes along any
 /// direction that is not. A flat set needs no test of its own: it cannot reach past the origin on both sides.
-fn grow_simplex<F>(probe: &mut Probe<F>, inside: &Vector6<f64>) -> Option<[Vector6<f64>; 7]>
+fn grow_simplex<F>(probe: &mut Probe<F>, inside: &Vector6<f64>) -> Result<[Vector6<f64>; 7], Stop>
 where
     F: FnMut(&Vector6<f64>) -> Vector6<f64>,
 {
     let towards = (-inside).try_normalize(0.0).unwrap_or_else(Vector6::x);
     let first = probe.ask(&towards);
-    if probe.is_outside() {
-        return None;
+    if let Some(stop) = probe.refusal() {
+        return Err(stop);
     }
     let mut simplex = [first; 7];
     let mut span: [Vector6<f64>; 6] = [Vector6::zeros(); 6];
@@ -132,16 +188,16 @@ where
         };
         let mut point = probe.ask(&direction);
         let reach = |point: &Vector6<f64>| (point - first).dot(&direction);
-        if !probe.is_outside() && reach(&point) <= probe.floor {
+        if probe.refusal().is_none() && reach(&point) <= probe.floor {
             point = probe.ask(&-direction);
         }
-        if probe.is_outside() {
-            return None;
+        if let Some(stop) = probe.refusal() {
+            return Err(stop);
         }
         simplex[known + 1] = point;
         span[known] = without(&without(&(point - first), axes), axes).normalize();
     }
-    Some(simplex)
+    Ok(simplex)
 }
 
 /// The part of a vector across the span of orthonormal axes.
@@ -156,41 +212,35 @@ fn any_across(axes: &[Vector6<f64>]) -> Vector6<f64> {
     without(&best.normalize(), axes).normalize()
 }
 
-fn expand<F>(polytope: &mut Polytope, probe: &mut Probe<F>, bound: f64, goal: &Goal) -> Stop
+fn expand<F>(inner: &mut impl Inner, probe: &mut Probe<F>, bound: f64, goal: &Goal) -> Result<Stop, Stuck>
 where
     F: FnMut(&Vector6<f64>) -> Vector6<f64>,
 {
     loop {
-        let nearest = polytope.pop_nearest();
-        // Facets as far out as the upper bound are not queued: when no other is left, the bounds have met.
+        let nearest = inner.pop_nearest(probe.bracket.high)?;
+        // Facets as far out as the upper bound do not count: when no other is left, the bounds have met.
         let low = nearest.map_or(probe.bracket.high, |facet| facet.low);
         probe.bracket.low = low.max(probe.bracket.low).min(probe.bracket.high);
-        if let Some(stop) = verdict(&probe.bracket, probe.floor, bound, goal) {
-            return stop;
+        if let Some(stop) = verdict(probe, bound, goal) {
+            return Ok(stop);
         }
-        let Some(nearest) = nearest else { return Stop::Unfinished };
+        let Some(nearest) = nearest else { return Ok(Stop::Unfinished) };
         if probe.bracket.queries >= goal.max_queries {
-            return Stop::Unfinished;
+            return Ok(Stop::Unfinished);
         }
         let point = probe.ask(&nearest.normal);
-        if let Some(stop) = verdict(&probe.bracket, probe.floor, bound, goal) {
-            return stop;
+        if let Some(stop) = verdict(probe, bound, goal) {
+            return Ok(stop);
         }
-        if polytope.insert(nearest.facet, point, probe.bracket.high).is_err() {
-            return Stop::Unfinished;
-        }
+        inner.insert(nearest.facet, point, probe.bracket.high)?;
     }
 }
 
-fn verdict(bracket: &Bracket, floor: f64, bound: f64, goal: &Goal) -> Option<Stop> {
-    let Bracket { low, high, .. } = *bracket;
-    if high <= floor {
-        Some(Stop::Outside)
-    } else if goal.reject_below.is_some_and(|least| high < least) {
-        Some(Stop::Below)
-    } else if low > 0.0 && high - low <= (goal.tolerance * high).max(GAP * bound) {
-        Some(Stop::Inside)
-    } else {
-        None
-    }
+fn verdict<F>(probe: &Probe<F>, bound: f64, goal: &Goal) -> Option<Stop>
+where
+    F: FnMut(&Vector6<f64>) -> Vector6<f64>,
+{
+    let Bracket { low, high, .. } = probe.bracket;
+    let narrow = low > 0.0 && high - low <= (goal.tolerance * high).max(GAP * bound);
+    probe.refusal().or(narrow.then_some(Stop::Inside))
 }

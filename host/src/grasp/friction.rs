@@ -6,6 +6,8 @@ use std::fmt;
 use nalgebra::Vector3;
 use thiserror::Error;
 
+use super::support::{LANES, Lanes};
+
 /// The friction set of every contact of a grasp.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum ConeModel {
@@ -62,6 +64,10 @@ impl fmt::Display for ConeModel {
         }
     }
 }
+
+/// Most edges of a pyramid that are tried one by one, and that are after folding the plane into an eighth.
+const TRIED: usize = 8;
+const FOLDED: usize = 64;
 
 /// A cone model made ready for many support queries: the pyramid's edges in a table.
 ///
@@ -123,9 +129,41 @@ impl FrictionSet {
         }
     }
 
-    /// Of a regular polygon the vertex nearest in angle is the farthest along `g`, so no edge need be tried.
+    /// [`FrictionSet::reach`] for several contacts at a time.
+    pub(super) fn reach_of_each(&self, g: &[Lanes; 3]) -> Lanes {
+        let [x, y, z] = g;
+        match self.model {
+            ConeModel::Exact => std::array::from_fn(|k| (x[k] * x[k] + y[k] * y[k] + z[k] * z[k]).sqrt()),
+            ConeModel::Edges(_) if self.edges.len().is_multiple_of(8) && self.edges.len() <= FOLDED => {
+                let mut most: Lanes = std::array::from_fn(|k| z[k].abs());
+                let (mut long, mut short) = ([0.0; LANES], [0.0; LANES]);
+                for k in 0..LANES {
+                    let (x, y) = (x[k].abs(), y[k].abs());
+                    (long[k], short[k]) = if x < y { (y, x) } else { (x, y) };
+                }
+                for &(cos, sin) in &self.edges[..=self.edges.len() / 8] {
+                    for k in 0..LANES {
+                        let reach = cos * long[k] + sin * short[k];
+                        most[k] = if reach > most[k] { reach } else { most[k] };
+                    }
+                }
+                most
+            }
+            ConeModel::Edges(_) => std::array::from_fn(|k| self.reach(&Vector3::new(x[k], y[k], z[k]))),
+        }
+    }
+
+    /// Of a regular polygon the vertex nearest in angle is the farthest along `g`, so no edge need be tried; but a few
+    /// are tried faster than an angle is found.
     fn nearest_edge(&self, g: &Vector3<f64>) -> (f64, f64) {
         let m = self.edges.len();
+        if m <= TRIED {
+            let reach = |&(cos, sin): &(f64, f64)| cos * g.x + sin * g.y;
+            let first = self.edges[0];
+            let farther =
+                |(best, most), edge| if reach(&edge) > most { (edge, reach(&edge)) } else { (best, most) };
+            return self.edges.iter().copied().fold((first, reach(&first)), farther).0;
+        }
         // In -m/2..=m/2, so it fits.
         let k = (g.y.atan2(g.x) * (m as f64 / TAU)).round() as isize;
         self.edges[k.rem_euclid(m as isize) as usize]
@@ -142,7 +180,7 @@ mod tests {
     #[test]
     fn the_nearest_edge_is_the_farthest_of_all() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for m in [3, 4, 5, 7, 8, 64, 4096] {
+        for m in [3, 4, 5, 7, 8, 12, 16, 64, 72, 4096] {
             let set = FrictionSet::new(ConeModel::edges(m).unwrap());
             for _ in 0..200 {
                 let g = Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0));
@@ -154,6 +192,9 @@ mod tests {
                     .fold(g.z.abs(), f64::max);
                 assert!((set.reach(&g) - by_trial).abs() < 1e-14, "m {m}");
                 assert!((set.farthest(&g).dot(&g) - by_trial).abs() < 1e-14, "m {m}");
+                for each in set.reach_of_each(&[[g.x; LANES], [g.y; LANES], [g.z; LANES]]) {
+                    assert!((each - by_trial).abs() < 1e-14, "m {m}");
+                }
                 assert!(by_trial <= FrictionSet::new(ConeModel::Exact).reach(&g));
             }
         }

@@ -6,8 +6,10 @@ pub mod contact;
 pub mod document;
 mod expand;
 pub mod friction;
+mod polar;
 mod polytope;
 pub mod quality;
+mod support;
 pub mod wrench;
 
 pub use contact::{Contact, ContactError};

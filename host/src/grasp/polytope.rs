@@ -9,6 +9,12 @@ use nalgebra::{Matrix6, Vector6};
 /// as round as those of four fingers around a cube takes 20,000 for three digits and 300,000 for six.
 const MAX_FACETS: usize = 1 << 19;
 
+/// Facets that memory is kept for from one use to the next, about 5 MB: more than a common grasp takes.
+const KEPT_FACETS: usize = 1 << 15;
+
+/// In place of a neighbour, until the cone of new facets is joined.
+const NOT_JOINED: u32 = u32::MAX;
+
 /// The polytope cannot grow: the point is not above the facet that it was found from, or the next facet has no reliable
 /// plane, or there are too many. What was known about the set stays true.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,7 +78,7 @@ pub(super) struct Nearest {
 /// surface by construction, whatever the rounding; so when all are at a positive distance, a ball with the least of
 /// them is inside, even if the surface were not quite convex.
 ///
-/// Slots of covered facets are used again, and all memory is kept from one use to the next.
+/// Slots of covered facets are used again, and memory is kept from one use to the next.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Polytope {
     points: Vec<Vector6<f64>>,
@@ -151,6 +157,13 @@ impl Polytope {
         Ok(())
     }
 
+    /// Gives back the memory of an unusually large polytope.
+    pub(super) fn release_excess(&mut self) {
+        if self.facets.capacity() > KEPT_FACETS {
+            *self = Self::default();
+        }
+    }
+
     fn height(&mut self, facet: u32, point: &Vector6<f64>, apex: u32) -> f64 {
         let f = &mut self.facets[facet as usize];
         if f.compared != apex {
@@ -196,7 +209,7 @@ impl Polytope {
             let normal = beyond.normal * below.height - below.normal * beyond.height;
             let mut corners = below.corners;
             corners[slot] = apex;
-            let mut neighbors = [u32::MAX; 6];
+            let mut neighbors = [NOT_JOINED; 6];
             neighbors[slot] = hidden;
             let new = self.add_facet(normal, corners, neighbors)?;
             let back = slot_of(&self.facets[hidden as usize].neighbors, seen)?;
@@ -209,27 +222,32 @@ impl Polytope {
     }
 
     /// Joins the facets of the cone with each other, by turning around each of a ridge's own ridges through the visible
-    /// facets until the horizon is met again.
+    /// facets until the horizon is met again. What is joined there is joined on both sides.
     fn join_cone(&mut self) -> Result<(), Stuck> {
         for at in 0..self.horizon.len() {
             let (seen, slot) = self.horizon[at];
+            let new = self.cone[at];
             for other in (0..6).filter(|&other| other != slot) {
-                let met = self.turn(seen, slot, other)?;
-                self.facets[self.cone[at] as usize].neighbors[other] = met;
+                if self.facets[new as usize].neighbors[other] == NOT_JOINED {
+                    let (met, back) = self.turn(seen, slot, other)?;
+                    self.facets[new as usize].neighbors[other] = met;
+                    self.facets[met as usize].neighbors[back] = new;
+                }
             }
         }
         Ok(())
     }
 
     /// Turns around the four corners that `facet` has besides those in `keep` and `leave`, away from the ridge that
-    /// lacks `keep`, to the facet of the cone on the other side.
-    fn turn(&self, mut facet: u32, keep: usize, mut leave: usize) -> Result<u32, Stuck> {
-        let mut kept = self.facets[facet as usize].corners[keep];
+    /// lacks `keep`, to the facet of the cone on the other side, and to its slot for the way back.
+    fn turn(&self, mut facet: u32, keep: usize, mut leave: usize) -> Result<(u32, usize), Stuck> {
+        let Facet { corners, compared, .. } = self.facets[facet as usize];
+        let mut kept = corners[keep];
         for _ in 0..=self.visible.len() {
             let across = self.facets[facet as usize].neighbors[leave];
             let f = &self.facets[across as usize];
-            if f.compared != self.facets[facet as usize].compared {
-                return Ok(across);
+            if f.compared != compared {
+                return Ok((across, slot_of(&f.corners, kept)?));
             }
             let entered = slot_of(&f.neighbors, facet)?;
             leave = slot_of(&f.corners, kept)?;

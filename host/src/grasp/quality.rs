@@ -9,9 +9,9 @@ use std::fmt;
 use nalgebra::Vector6;
 
 use super::contact::Contact;
-use super::expand::{self, Bracket, Goal, Stop};
+use super::expand::{self, Bracket, Goal, Hulls, Stop};
 use super::friction::ConeModel;
-use super::polytope::Polytope;
+use super::polar::Polar;
 use super::wrench::{GraspMap, WrenchReference};
 
 /// What bounds the effort of the fingers.
@@ -220,18 +220,27 @@ impl Closure {
     }
 }
 
-/// Memory of an evaluation. One that is kept, one per thread, makes later evaluations free of allocation.
+/// Memory of an evaluation, at most some megabytes between evaluations. One that is kept, one per thread, makes later
+/// evaluations free of allocation, but for those whose wrenches are as round as a ball.
 #[derive(Debug, Clone)]
 pub struct Workspace {
     map: GraspMap,
-    polytope: Polytope,
+    hulls: Hulls,
 }
 
 impl Workspace {
     /// An empty one.
     #[must_use]
     pub fn new() -> Self {
-        Self { map: GraspMap::empty(), polytope: Polytope::default() }
+        let hulls = Hulls { polar: Some(Polar::default()), ..Hulls::default() };
+        Self { map: GraspMap::empty(), hulls }
+    }
+
+    /// One that has all evaluations done by the whole expanding polytope, as otherwise only the few that need it: for
+    /// comparison. It finds the same and takes longer.
+    #[must_use]
+    pub fn whole_polytope() -> Self {
+        Self { map: GraspMap::empty(), hulls: Hulls::default() }
     }
 }
 
@@ -275,7 +284,7 @@ fn search(
     reject_below: Option<f64>,
     workspace: &mut Workspace,
 ) -> Closure {
-    let Workspace { map, polytope } = workspace;
+    let Workspace { map, hulls } = workspace;
     map.assign(contacts, reference, settings.cone, settings.force_norm);
     if contacts.is_empty() {
         let direction = Vector6::x();
@@ -288,7 +297,7 @@ fn search(
     }
     let inside = map.mean_normal_wrench();
     let mut bracket = |norm: Norm, goal: &Goal| {
-        expand::bracket(polytope, &inside, map.bound(norm), goal, |u| map.farthest(u, norm))
+        expand::bracket(hulls, &inside, map.bound(norm), goal, |u| map.farthest(u, norm))
     };
     let mut spent = 0;
     if settings.norm == Norm::LInf {

@@ -9,6 +9,7 @@ use thiserror::Error;
 use super::contact::{Contact, MAX_LENGTH_M};
 use super::friction::{ConeModel, FrictionSet};
 use super::quality::{ForceNorm, Norm};
+use super::support::Support;
 
 /// Smallest torque scale, metres: keeps the quotient of two lengths finite, squared too.
 const MIN_TORQUE_SCALE_M: f64 = 1e-9;
@@ -116,11 +117,6 @@ impl WrenchBasis {
         (c[0], Vector3::new(c[1], c[2], c[3]))
     }
 
-    /// The wrench of a unit normal force with friction `(x, y, z)`.
-    fn wrench(&self, friction: &Vector3<f64>) -> Vector6<f64> {
-        self.0 * Vector4::new(1.0, friction.x, friction.y, friction.z)
-    }
-
     /// No wrench of a unit normal force is longer.
     fn bound(&self) -> f64 {
         self.0.column(0).norm() + self.0.fixed_columns::<3>(1).norm()
@@ -152,11 +148,17 @@ pub struct GraspMap {
     bases: Vec<WrenchBasis>,
     limits_n: Vec<f64>,
     friction: FrictionSet,
+    support: Support,
 }
 
 impl GraspMap {
     pub(super) fn empty() -> Self {
-        Self { bases: Vec::new(), limits_n: Vec::new(), friction: FrictionSet::new(ConeModel::Exact) }
+        Self {
+            bases: Vec::new(),
+            limits_n: Vec::new(),
+            friction: FrictionSet::new(ConeModel::Exact),
+            support: Support::default(),
+        }
     }
 
     /// The map of a set of contacts.
@@ -185,6 +187,7 @@ impl GraspMap {
         self.bases.extend(contacts.iter().map(|c| WrenchBasis::new(c, reference, force_norm)));
         self.limits_n.clear();
         self.limits_n.extend(contacts.iter().map(Contact::max_force_n));
+        self.support.assign(&self.bases, &self.limits_n);
     }
 
     /// One basis per contact, in their order.
@@ -207,25 +210,7 @@ impl GraspMap {
     /// The wrench of the set that reaches farthest along `direction`; zero without contacts.
     #[must_use]
     pub fn farthest(&self, direction: &Vector6<f64>, norm: Norm) -> Vector6<f64> {
-        match norm {
-            Norm::L1 => {
-                let mut best: Option<(f64, &WrenchBasis)> = None;
-                for basis in &self.bases {
-                    let reach = self.reach_of(basis, direction);
-                    if best.is_none_or(|(most, _)| reach > most) {
-                        best = Some((reach, basis));
-                    }
-                }
-                best.map_or_else(Vector6::zeros, |(_, basis)| self.farthest_of(basis, direction))
-            }
-            Norm::LInf => {
-                let pushing = self.bases.iter().zip(&self.limits_n);
-                pushing
-                    .filter(|(basis, _)| self.reach_of(basis, direction) > 0.0)
-                    .map(|(basis, &limit)| self.farthest_of(basis, direction) * limit)
-                    .sum()
-            }
-        }
+        self.support.farthest(direction, norm, &self.friction)
     }
 
     /// A length that no wrench of the set exceeds: the measure of what rounding can do.
@@ -247,9 +232,5 @@ impl GraspMap {
     fn reach_of(&self, basis: &WrenchBasis, direction: &Vector6<f64>) -> f64 {
         let (normal, friction) = basis.components(direction);
         normal + self.friction.reach(&friction)
-    }
-
-    fn farthest_of(&self, basis: &WrenchBasis, direction: &Vector6<f64>) -> Vector6<f64> {
-        basis.wrench(&self.friction.farthest(&basis.components(direction).1))
     }
 }

@@ -2,9 +2,9 @@
 
 use nalgebra::Vector6;
 
-use super::expand::{Bracket, Goal, Stop, bracket};
+use super::expand::{Bracket, Goal, Hulls, Stop, bracket};
 use super::*;
-use crate::grasp::polytope::Polytope;
+use crate::grasp::polar::Polar;
 
 fn search(
     tolerance: f64,
@@ -12,7 +12,8 @@ fn search(
     farthest: impl FnMut(&Vector6<f64>) -> Vector6<f64>,
 ) -> (Stop, Bracket) {
     let goal = Goal { tolerance, reject_below: None, max_queries: 300 };
-    bracket(&mut Polytope::default(), &inside, 10.0, &goal, farthest)
+    let mut hulls = Hulls { polar: Some(Polar::default()), ..Hulls::default() };
+    bracket(&mut hulls, &inside, 10.0, &goal, farthest)
 }
 
 /// Support function of a cube with half side 1.

@@ -4,6 +4,7 @@ mod degenerate;
 mod expansion;
 mod golden;
 mod properties;
+mod two_algorithms;
 
 use std::f64::consts::PI;
 

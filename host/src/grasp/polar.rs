@@ -1,0 +1,424 @@
+//! The facets of a growing polytope that are nearest to the origin, and no others.
+//!
+//! In the polar body `{a : (w - c) . a <= 1}` about an inner point `c` a facet is a vertex `a`, its distance from the
+//! origin `d(a) = (1 + a . c) / |a|`, and a new point `w` one more half-space, which cuts vertices off and puts new ones
+//! on the edges that it crosses. The set where `d` is at least some positive number is convex. So a new vertex with a
+//! lesser `d` can only be on an edge of which one end has a lesser `d` as well, and the double description method
+//! (T. S. Motzkin et al., 1953) stays exact when it knows no other vertices than those nearer than the upper bound.
+//!
+//! Vertices are visited nearest first. Until its turn a vertex is only a distance and a place on an edge of another one;
+//! then it gets its matrix and meets the points that came in the meantime, in their order.
+
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
+
+use nalgebra::{Matrix6, Vector6};
+
+use super::polytope::{Nearest, Stuck};
+
+/// Vertices that are visited before the search is left to the whole polytope. One random grasp in a hundred needs more;
+/// where wrenches are as round as a ball, thousands of facets are equally near, and there it is the slower way.
+const MAX_VISITS: usize = 500;
+/// Vertices that can be known, and slots of the table that knows them.
+const MAX_KNOWN: usize = 2048;
+const SLOTS: usize = 2 * MAX_KNOWN;
+/// Points are named by a byte.
+const MAX_POINTS: usize = 256;
+/// Gradients of barycentric coordinates in the first simplex, times the bound of the set. Beyond, the simplex is so flat
+/// that rounding decides what is a vertex.
+const MAX_GRADIENT: f64 = 2e3;
+/// The inner point's least barycentric coordinate in the first simplex, before normalization.
+const MIN_DEPTH: f64 = 0.02;
+/// Rounding in the product of a point with a vertex, as a fraction of the bound of the set times the vertex's length:
+/// three times what six products and a matrix can make. Within, it is open on which side of the facet the point is.
+const NOISE: f64 = 2e-15;
+/// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts share
+/// planes, edges of pyramids too; without it every facet with more than six points were many vertices in one place. It
+/// is a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
+const DRAWN_IN: f64 = 2e-12;
+/// Points of a facet may be off its plane by this many ties before its matrix counts as spoilt.
+const MAX_RESIDUAL_TIES: f64 = 4.0;
+/// Coordinates of a point in a basis, below which they are rounding.
+const PIVOT: f64 = 1e-11;
+
+/// One number for each of the six edges at a vertex, and in lane [`VERTEX`] for the vertex itself. The eighth is there
+/// for the sake of the registers.
+type Lanes = [f64; 8];
+const VERTEX: usize = 6;
+
+/// A vertex that had its turn.
+#[derive(Debug, Clone, Copy)]
+struct Vertex {
+    /// Rows are coordinates. Column `k < 6` has product 1 with point `basis[k]` and 0 with the others of the basis, so its
+    /// negative is the edge that leaves their plane; column [`VERTEX`] has product 1 with all.
+    columns: [Lanes; 6],
+    basis: [u8; 6],
+    name: u64,
+}
+
+/// What is known of the edges of a vertex: its matrix and basis, and the inverse of the length of each edge, in the unit
+/// in which its column is 1.
+struct Edges<'a> {
+    columns: &'a [Lanes; 6],
+    basis: &'a [u8; 6],
+    name: u64,
+    inverse_lengths: &'a Lanes,
+}
+
+/// A vertex that waits: where the edge `lane` of `parent` meets the plane of point `cut`. A corner of the first simplex
+/// is its own parent and has no edge.
+#[derive(Debug, Clone, Copy, PartialEq)]
+struct Waiting {
+    distance: f64,
+    serial: u32,
+    parent: u16,
+    lane: u8,
+    cut: u8,
+}
+
+const NO_EDGE: u8 = u8::MAX;
+
+impl Eq for Waiting {}
+
+impl Ord for Waiting {
+    fn cmp(&self, other: &Self) -> Ordering {
+        other.distance.total_cmp(&self.distance).then(other.serial.cmp(&self.serial))
+    }
+}
+
+impl PartialOrd for Waiting {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
+}
+
+/// Sets of six points that have been seen: a table with open addresses, emptied by counting up.
+#[derive(Debug, Clone, Default)]
+struct Seen {
+    slots: Vec<u64>,
+    count: usize,
+    round: u16,
+}
+
+impl Seen {
+    fn clear(&mut self) {
+        self.count = 0;
+        self.round = self.round.wrapping_add(1);
+        if self.round == 0 || self.slots.is_empty() {
+            self.slots.clear();
+            self.slots.resize(SLOTS, 0);
+            self.round = 1;
+        }
+    }
+
+    /// Whether the set is new. Its name takes 48 bits.
+    fn insert(&mut self, name: u64) -> Result<bool, Stuck> {
+        let entry = name | u64::from(self.round) << 48;
+        // Fibonacci hashing: the high bits of the product depend on all bits of the name.
+        let mut at = (name.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % SLOTS;
+        while self.slots[at] >> 48 == u64::from(self.round) {
+            if self.slots[at] == entry {
+                return Ok(false);
+            }
+            at = (at + 1) % SLOTS;
+        }
+        if self.count == MAX_KNOWN {
+            return Err(Stuck);
+        }
+        self.count += 1;
+        self.slots[at] = entry;
+        Ok(true)
+    }
+}
+
+/// The part of a polytope that faces the origin most.
+///
+/// It has the same outcomes as the whole [`Polytope`](super::polytope::Polytope), and is [`Stuck`] where that one need
+/// not be: with many facets equally near, or in a flat first simplex. Memory is kept, at most some 300 kB.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Polar {
+    /// The inner point that the polar body is about, and the points of the polytope relative to it.
+    center: [f64; 6],
+    points: Vec<[f64; 6]>,
+    vertices: Vec<Vertex>,
+    waiting: BinaryHeap<Waiting>,
+    seen: Seen,
+    serial: u32,
+    /// Of the vertex that was visited last: the inverse of the length of each edge.
+    inverse_lengths: Lanes,
+    /// Heights above a facet that count as none, and those that are noise.
+    tie: f64,
+    noise: f64,
+}
+
+impl Polar {
+    /// Starts over from a simplex in a set whose points are no longer than `bound`. Heights up to `tie` above a plane
+    /// will count as on it.
+    pub(super) fn start(&mut self, simplex: &[Vector6<f64>; 7], bound: f64, tie: f64) -> Result<(), Stuck> {
+        self.points.clear();
+        self.vertices.clear();
+        self.waiting.clear();
+        self.seen.clear();
+        self.serial = 0;
+        self.tie = tie;
+        self.noise = NOISE * bound;
+
+        let gradients = gradients(simplex).ok_or(Stuck)?;
+        // A NaN must not pass.
+        if !gradients.iter().all(|g| g.norm() * bound <= MAX_GRADIENT) {
+            return Err(Stuck);
+        }
+        let of_origin = |k: usize| {
+            let corner = simplex[usize::from(k == 0)];
+            -gradients[k].dot(&corner)
+        };
+        let depths: [f64; 7] = std::array::from_fn(|k| of_origin(k).max(MIN_DEPTH));
+        let total: f64 = depths.iter().sum();
+        let depths = depths.map(|depth| depth / total);
+        let center: Vector6<f64> = simplex.iter().zip(depths).map(|(p, depth)| p * depth).sum();
+        self.center = center.into();
+        for corner in simplex {
+            self.draw_in(corner);
+        }
+        for lacking in 0..7_usize {
+            let basis: [u8; 6] = std::array::from_fn(|k| (if k < lacking { k } else { k + 1 }) as u8);
+            let of_vertex = gradients[lacking] / -depths[lacking];
+            let mut columns = [[0.0; 8]; 6];
+            for (k, &point) in basis.iter().enumerate() {
+                let point = usize::from(point);
+                let column = gradients[point] + of_vertex * depths[point];
+                for (row, &x) in columns.iter_mut().zip(&column) {
+                    row[k] = x;
+                }
+            }
+            for (row, &x) in columns.iter_mut().zip(&of_vertex) {
+                row[VERTEX] = x;
+            }
+            let distance = (1.0 + of_vertex.dot(&center)) / of_vertex.norm();
+            let parent = self.vertices.len() as u16;
+            let name = basis.iter().fold(0, |name, &point| name << 8 | u64::from(point));
+            self.vertices.push(Vertex { columns, basis, name });
+            self.push(distance, parent, NO_EDGE, 0);
+        }
+        Ok(())
+    }
+
+    /// The facet nearest to the origin; `None` when none is nearer than `worth`.
+    pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
+        while let Some(next) = self.waiting.pop() {
+            if next.distance >= worth {
+                return Ok(None);
+            }
+            let at = self.take(&next)?;
+            if let Some(low) = self.visit(at, worth)? {
+                let vertex = vertex_of(&self.vertices[usize::from(at)].columns);
+                let normal = Vector6::from(vertex).normalize();
+                return Ok(Some(Nearest { facet: u32::from(at), normal, low }));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Grows to the hull with `point`, which was found beyond the facet that [`Polar::pop_nearest`] gave last.
+    pub(super) fn insert(&mut self, facet: u32, point: &Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+        if self.points.len() == MAX_POINTS {
+            return Err(Stuck);
+        }
+        let cut = self.points.len();
+        self.draw_in(point);
+        let at = facet as u16;
+        let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
+        let products = products(&columns, &self.points[cut]);
+        let over = products[VERTEX] - 1.0;
+        let vertex = vertex_of(&columns);
+        if over <= self.tie * dot(&vertex, &vertex).sqrt() {
+            return Err(Stuck);
+        }
+        let inverse_lengths = self.inverse_lengths;
+        let edges = Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
+        self.add_crossed(at, &edges, cut, &products, over, worth)
+    }
+
+    fn draw_in(&mut self, point: &Vector6<f64>) {
+        // Multiples of the golden ratio are apart from each other, modulo one, however many they are.
+        let place = (self.points.len() as f64 * 0.618_033_988_749_894_9).fract();
+        let scale = 1.0 - DRAWN_IN * place;
+        self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
+    }
+
+    /// Gives the vertex its matrix.
+    fn take(&mut self, next: &Waiting) -> Result<u16, Stuck> {
+        if next.lane == NO_EDGE {
+            return Ok(next.parent);
+        }
+        if self.vertices.len() == MAX_VISITS {
+            return Err(Stuck);
+        }
+        let parent = &self.vertices[usize::from(next.parent)];
+        let lane = usize::from(next.lane);
+        let products = products(&parent.columns, &self.points[usize::from(next.cut)]);
+        let pivot = 1.0 / products[lane];
+        let mut factors = products;
+        for factor in &mut factors {
+            *factor *= pivot;
+        }
+        factors[lane] = 1.0 - pivot;
+        factors[VERTEX] = (products[VERTEX] - 1.0) * pivot;
+        let mut child = *parent;
+        for row in &mut child.columns {
+            let along = row[lane];
+            for k in 0..8 {
+                row[k] -= along * factors[k];
+            }
+        }
+        child.name = renamed(child.name, child.basis[lane], next.cut);
+        child.basis[lane] = next.cut;
+        self.vertices.push(child);
+        Ok(self.vertices.len() as u16 - 1)
+    }
+
+    /// Finds how long the edges of a vertex are among the points up to the newest of its basis, then lets the later
+    /// ones cut.
+    ///
+    /// Gives the distance of the facet when the vertex is left, rounded down as [`Nearest::low`] is.
+    fn visit(&mut self, at: u16, worth: f64) -> Result<Option<f64>, Stuck> {
+        let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
+        let vertex = vertex_of(&columns);
+        let length = dot(&vertex, &vertex).sqrt();
+        let (tie, noise) = (self.tie * length, self.noise * length);
+        let mut in_basis = [0_u64; MAX_POINTS / 64];
+        // All corners of the first simplex are there from the start.
+        let (mut newest, mut residual) = (6, 0.0_f64);
+        for point in basis.map(usize::from) {
+            in_basis[point / 64] |= 1 << (point % 64);
+            newest = newest.max(point);
+            residual = residual.max((dot(&self.points[point], &vertex) - 1.0).abs());
+        }
+        // A NaN must not pass.
+        if !(residual <= MAX_RESIDUAL_TIES * tie) {
+            return Err(Stuck);
+        }
+        let mut inverse_lengths = [0.0; 8];
+        for point in 0..self.points.len() {
+            if in_basis[point / 64] >> (point % 64) & 1 == 1 {
+                continue;
+            }
+            let products = products(&columns, &self.points[point]);
+            let over = products[VERTEX] - 1.0;
+            if point > newest {
+                let edges =
+                    Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
+                let surely_over = if over.abs() > noise { over } else { 0.0 };
+                self.add_crossed(at, &edges, point, &products, surely_over, worth)?;
+                if over > noise {
+                    return Ok(None);
+                }
+            }
+            let inverse_slack = 1.0 / ((-over).max(0.0) + noise);
+            for k in 0..8 {
+                let inverse = (-products[k] - PIVOT) * inverse_slack;
+                inverse_lengths[k] = if inverse > inverse_lengths[k] { inverse } else { inverse_lengths[k] };
+            }
+        }
+        self.inverse_lengths = inverse_lengths;
+        Ok(Some((1.0 - residual + dot(&vertex, &self.center)) / length))
+    }
+
+    /// Queues the new vertices where the plane of point `cut` crosses the edges of a vertex: `over` is how far the point
+    /// is beyond the vertex, positive when the vertex is cut off. When it is 0, the plane may have crossed either an edge
+    /// or its continuation, and both count: a vertex too many does no harm.
+    fn add_crossed(
+        &mut self,
+        at: u16,
+        edges: &Edges,
+        cut: usize,
+        products: &Lanes,
+        over: f64,
+        worth: f64,
+    ) -> Result<(), Stuck> {
+        let mut most = f64::NEG_INFINITY;
+        let mut margins = [0.0; 8];
+        for k in 0..6 {
+            let product = if over == 0.0 { products[k].abs() } else { products[k] * over.signum() };
+            let inside = product - over.abs() * edges.inverse_lengths[k];
+            let steep = product - PIVOT;
+            margins[k] = if inside < steep { inside } else { steep };
+            most = if margins[k] > most { margins[k] } else { most };
+        }
+        if !(most >= 0.0) {
+            return Ok(());
+        }
+        let mut steps = [0.0; 8];
+        let (mut squares, mut along) = ([0.0; 8], [1.0; 8]);
+        for k in 0..8 {
+            steps[k] = over / products[k];
+        }
+        for (row, center) in edges.columns.iter().zip(self.center) {
+            for k in 0..8 {
+                let x = row[VERTEX] - steps[k] * row[k];
+                squares[k] += x * x;
+                along[k] += x * center;
+            }
+        }
+        for k in 0..8 {
+            along[k] /= squares[k].sqrt();
+        }
+        for lane in 0..6 {
+            if margins[lane] >= 0.0
+                && along[lane] < worth
+                && self.seen.insert(renamed(edges.name, edges.basis[lane], cut as u8))?
+            {
+                self.push(along[lane], at, lane as u8, cut as u8);
+            }
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, distance: f64, parent: u16, lane: u8, cut: u8) {
+        self.waiting.push(Waiting { distance, serial: self.serial, parent, lane, cut });
+        self.serial += 1;
+    }
+}
+
+/// The gradients of the barycentric coordinates; `None` for a flat simplex.
+fn gradients(simplex: &[Vector6<f64>; 7]) -> Option<[Vector6<f64>; 7]> {
+    let [origin, others @ ..] = simplex;
+    let inverse = Matrix6::from_columns(&others.map(|p| p - origin)).try_inverse()?;
+    let first = -inverse.row_sum().transpose();
+    Some(std::array::from_fn(|k| if k == 0 { first } else { inverse.row(k - 1).transpose() }))
+}
+
+/// Products of a point with all columns.
+fn products(columns: &[Lanes; 6], point: &[f64; 6]) -> Lanes {
+    let mut sums = [0.0; 8];
+    for (row, x) in columns.iter().zip(point) {
+        for k in 0..8 {
+            sums[k] += x * row[k];
+        }
+    }
+    sums
+}
+
+fn vertex_of(columns: &[Lanes; 6]) -> [f64; 6] {
+    let mut vertex = [0.0; 6];
+    for (x, row) in vertex.iter_mut().zip(columns) {
+        *x = row[VERTEX];
+    }
+    vertex
+}
+
+fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
+    let mut sum = 0.0;
+    for (x, y) in a.iter().zip(b) {
+        sum += x * y;
+    }
+    sum
+}
+
+/// The name of a set of six points, their bytes in ascending order, when one gives way to one newer than all.
+fn renamed(name: u64, without: u8, with: u8) -> u64 {
+    let is_it = |shift: &u32| name >> shift & 0xff == u64::from(without);
+    let shift = (0..6).map(|place| 8 * place).find(is_it).unwrap_or(0);
+    let (above, below) = (name >> (shift + 8), name & ((1 << shift) - 1));
+    (above << shift | below) << 8 | u64::from(with)
+}
