@@ -295,7 +295,7 @@ impl Polar {
             residual = residual.max((dot(&self.points[point], &vertex) - 1.0).abs());
         }
         // A NaN must not pass.
-        if !(residual <= MAX_RESIDUAL_TIES * tie) {
+        if residual.is_nan() || residual > MAX_RESIDUAL_TIES * tie {
             return Err(Stuck);
         }
         let mut inverse_lengths = [0.0; 8];
@@ -345,7 +345,7 @@ impl Polar {
             margins[k] = if inside < steep { inside } else { steep };
             most = if margins[k] > most { margins[k] } else { most };
         }
-        if !(most >= 0.0) {
+        if most.is_nan() || most < 0.0 {
             return Ok(());
         }
         let mut steps = [0.0; 8];
