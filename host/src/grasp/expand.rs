@@ -105,11 +105,11 @@ trait Inner {
 
 impl Inner for Polar {
     fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
-        self.pop_nearest(worth)
+        self.pop_nearest(worth).map(Some)
     }
 
-    fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
-        self.insert(facet, &point, worth)
+    fn insert(&mut self, _facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+        self.insert(&point, worth)
     }
 }
 

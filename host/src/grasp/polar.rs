@@ -29,17 +29,19 @@ const MAX_POINTS: usize = 256;
 const MAX_GRADIENT: f64 = 2e3;
 /// The inner point's least barycentric coordinate in the first simplex, before normalization.
 const MIN_DEPTH: f64 = 0.02;
-/// Rounding in the product of a point with a vertex, as a fraction of the bound of the set times the vertex's length:
-/// three times what six products and a matrix can make. Within, it is open on which side of the facet the point is.
+/// Rounding in the product of a point with a column, as a fraction of the bound of the set times the column's length:
+/// three times what six products make. Within, it is open on which side of the facet the point is.
 const NOISE: f64 = 2e-15;
 /// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts share
 /// planes, edges of pyramids too; without it every facet with more than six points were many vertices in one place. It
 /// is a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
 const DRAWN_IN: f64 = 2e-12;
-/// Points of a facet may be off its plane by this many ties before its matrix counts as spoilt.
-const MAX_RESIDUAL_TIES: f64 = 4.0;
-/// Coordinates of a point in a basis, below which they are rounding.
-const PIVOT: f64 = 1e-11;
+/// Coordinates of a point in a basis that count as none. Points that share a plane have such because of their being drawn
+/// in, and bases with them would be slivers.
+const PIVOT: f64 = 50.0 * DRAWN_IN;
+/// How far points of a facet may be off its plane, and a facet from where it was expected, in heights that count as
+/// none: beyond, its matrix is spoilt.
+const MAX_ERROR: f64 = 2.0;
 
 /// One number for each of the six edges at a vertex, and in lane [`VERTEX`] for the vertex itself. The eighth is there
 /// for the sake of the registers.
@@ -56,13 +58,15 @@ struct Vertex {
     name: u64,
 }
 
-/// What is known of the edges of a vertex: its matrix and basis, and the inverse of the length of each edge, in the unit
-/// in which its column is 1.
-struct Edges<'a> {
-    columns: &'a [Lanes; 6],
-    basis: &'a [u8; 6],
-    name: u64,
-    inverse_lengths: &'a Lanes,
+/// A vertex on its turn, with what is known of its edges.
+#[derive(Debug, Clone)]
+struct Edges {
+    at: u16,
+    vertex: Vertex,
+    /// Rounding in the product of a point with each column.
+    noise: Lanes,
+    /// Inverse of the length of each edge, in lengths of its column.
+    inverse_lengths: Lanes,
 }
 
 /// A vertex that waits: where the edge `lane` of `parent` meets the plane of point `cut`. A corner of the first simplex
@@ -144,8 +148,8 @@ pub(super) struct Polar {
     waiting: BinaryHeap<Waiting>,
     seen: Seen,
     serial: u32,
-    /// Of the vertex that was visited last: the inverse of the length of each edge.
-    inverse_lengths: Lanes,
+    /// The vertex that was left by the points so far and is nearest.
+    nearest: Option<Edges>,
     /// Heights above a facet that count as none, and those that are noise.
     tie: f64,
     noise: f64,
@@ -160,6 +164,7 @@ impl Polar {
         self.waiting.clear();
         self.seen.clear();
         self.serial = 0;
+        self.nearest = None;
         self.tie = tie;
         self.noise = NOISE * bound;
 
@@ -203,40 +208,35 @@ impl Polar {
         Ok(())
     }
 
-    /// The facet nearest to the origin; `None` when none is nearer than `worth`.
-    pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
-        while let Some(next) = self.waiting.pop() {
-            if next.distance >= worth {
-                return Ok(None);
-            }
+    /// The facet nearest to the origin. One nearer than `worth`, an upper bound of the distance, is always left, since
+    /// the search ends once the bounds meet; when there is none, rounding has lost one.
+    pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Nearest, Stuck> {
+        while let Some(next) = self.waiting.pop().filter(|next| next.distance < worth) {
             let at = self.take(&next)?;
-            if let Some(low) = self.visit(at, worth)? {
+            if let Some(low) = self.visit(at, next.distance, worth)? {
                 let vertex = vertex_of(&self.vertices[usize::from(at)].columns);
                 let normal = Vector6::from(vertex).normalize();
-                return Ok(Some(Nearest { facet: u32::from(at), normal, low }));
+                return Ok(Nearest { facet: u32::from(at), normal, low });
             }
         }
-        Ok(None)
+        Err(Stuck)
     }
 
     /// Grows to the hull with `point`, which was found beyond the facet that [`Polar::pop_nearest`] gave last.
-    pub(super) fn insert(&mut self, facet: u32, point: &Vector6<f64>, worth: f64) -> Result<(), Stuck> {
+    pub(super) fn insert(&mut self, point: &Vector6<f64>, worth: f64) -> Result<(), Stuck> {
         if self.points.len() == MAX_POINTS {
             return Err(Stuck);
         }
         let cut = self.points.len();
         self.draw_in(point);
-        let at = facet as u16;
-        let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
-        let products = products(&columns, &self.points[cut]);
+        let edges = self.nearest.take().ok_or(Stuck)?;
+        let products = products(&edges.vertex.columns, &self.points[cut]);
         let over = products[VERTEX] - 1.0;
-        let vertex = vertex_of(&columns);
+        let vertex = vertex_of(&edges.vertex.columns);
         if over <= self.tie * dot(&vertex, &vertex).sqrt() {
             return Err(Stuck);
         }
-        let inverse_lengths = self.inverse_lengths;
-        let edges = Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
-        self.add_crossed(at, &edges, cut, &products, over, worth)
+        self.add_crossed(&edges, cut, &products, over, worth)
     }
 
     fn draw_in(&mut self, point: &Vector6<f64>) {
@@ -281,47 +281,57 @@ impl Polar {
     /// ones cut.
     ///
     /// Gives the distance of the facet when the vertex is left, rounded down as [`Nearest::low`] is.
-    fn visit(&mut self, at: u16, worth: f64) -> Result<Option<f64>, Stuck> {
-        let Vertex { columns, basis, name } = self.vertices[usize::from(at)];
-        let vertex = vertex_of(&columns);
-        let length = dot(&vertex, &vertex).sqrt();
-        let (tie, noise) = (self.tie * length, self.noise * length);
+    fn visit(&mut self, at: u16, expected: f64, worth: f64) -> Result<Option<f64>, Stuck> {
+        let vertex = self.vertices[usize::from(at)];
+        let position = vertex_of(&vertex.columns);
+        let length = dot(&position, &position).sqrt();
         let mut in_basis = [0_u64; MAX_POINTS / 64];
         // All corners of the first simplex are there from the start.
         let (mut newest, mut residual) = (6, 0.0_f64);
-        for point in basis.map(usize::from) {
+        for point in vertex.basis.map(usize::from) {
             in_basis[point / 64] |= 1 << (point % 64);
             newest = newest.max(point);
-            residual = residual.max((dot(&self.points[point], &vertex) - 1.0).abs());
+            residual = residual.max((dot(&self.points[point], &position) - 1.0).abs());
         }
-        // A NaN must not pass.
-        if residual.is_nan() || residual > MAX_RESIDUAL_TIES * tie {
+        let distance = (1.0 + dot(&position, &self.center)) / length;
+        // A vertex that is not where it was expected has been waiting at the wrong place. A NaN must not pass either.
+        let is_reliable =
+            residual <= MAX_ERROR * self.tie * length && (distance - expected).abs() <= MAX_ERROR * self.tie;
+        if !is_reliable {
             return Err(Stuck);
         }
-        let mut inverse_lengths = [0.0; 8];
+        let mut noise = [0.0; 8];
+        for row in &vertex.columns {
+            for k in 0..8 {
+                noise[k] += row[k] * row[k];
+            }
+        }
+        for (noise, least) in noise.iter_mut().zip([PIVOT, PIVOT, PIVOT, PIVOT, PIVOT, PIVOT, 0.0, 0.0]) {
+            *noise = (noise.sqrt() * self.noise).max(least);
+        }
+        let mut edges = Edges { at, vertex, noise, inverse_lengths: [0.0; 8] };
         for point in 0..self.points.len() {
             if in_basis[point / 64] >> (point % 64) & 1 == 1 {
                 continue;
             }
-            let products = products(&columns, &self.points[point]);
+            let products = products(&vertex.columns, &self.points[point]);
             let over = products[VERTEX] - 1.0;
             if point > newest {
-                let edges =
-                    Edges { columns: &columns, basis: &basis, name, inverse_lengths: &inverse_lengths };
-                let surely_over = if over.abs() > noise { over } else { 0.0 };
-                self.add_crossed(at, &edges, point, &products, surely_over, worth)?;
-                if over > noise {
+                let surely_over = if over.abs() > noise[VERTEX] { over } else { 0.0 };
+                self.add_crossed(&edges, point, &products, surely_over, worth)?;
+                if surely_over > 0.0 {
                     return Ok(None);
                 }
             }
-            let inverse_slack = 1.0 / ((-over).max(0.0) + noise);
+            let inverse_slack = 1.0 / ((-over).max(0.0) + noise[VERTEX]);
             for k in 0..8 {
-                let inverse = (-products[k] - PIVOT) * inverse_slack;
-                inverse_lengths[k] = if inverse > inverse_lengths[k] { inverse } else { inverse_lengths[k] };
+                let inverse = (-products[k] - noise[k]) * inverse_slack;
+                let most = &mut edges.inverse_lengths[k];
+                *most = if inverse > *most { inverse } else { *most };
             }
         }
-        self.inverse_lengths = inverse_lengths;
-        Ok(Some((1.0 - residual + dot(&vertex, &self.center)) / length))
+        self.nearest = Some(edges);
+        Ok(Some(distance - residual / length))
     }
 
     /// Queues the new vertices where the plane of point `cut` crosses the edges of a vertex: `over` is how far the point
@@ -329,7 +339,6 @@ impl Polar {
     /// or its continuation, and both count: a vertex too many does no harm.
     fn add_crossed(
         &mut self,
-        at: u16,
         edges: &Edges,
         cut: usize,
         products: &Lanes,
@@ -341,11 +350,11 @@ impl Polar {
         for k in 0..6 {
             let product = if over == 0.0 { products[k].abs() } else { products[k] * over.signum() };
             let inside = product - over.abs() * edges.inverse_lengths[k];
-            let steep = product - PIVOT;
+            let steep = product - edges.noise[k];
             margins[k] = if inside < steep { inside } else { steep };
             most = if margins[k] > most { margins[k] } else { most };
         }
-        if most.is_nan() || most < 0.0 {
+        if most < 0.0 {
             return Ok(());
         }
         let mut steps = [0.0; 8];
@@ -353,7 +362,7 @@ impl Polar {
         for k in 0..8 {
             steps[k] = over / products[k];
         }
-        for (row, center) in edges.columns.iter().zip(self.center) {
+        for (row, center) in edges.vertex.columns.iter().zip(self.center) {
             for k in 0..8 {
                 let x = row[VERTEX] - steps[k] * row[k];
                 squares[k] += x * x;
@@ -366,9 +375,9 @@ impl Polar {
         for lane in 0..6 {
             if margins[lane] >= 0.0
                 && along[lane] < worth
-                && self.seen.insert(renamed(edges.name, edges.basis[lane], cut as u8))?
+                && self.seen.insert(renamed(edges.vertex.name, edges.vertex.basis[lane], cut as u8))?
             {
-                self.push(along[lane], at, lane as u8, cut as u8);
+                self.push(along[lane], edges.at, lane as u8, cut as u8);
             }
         }
         Ok(())
