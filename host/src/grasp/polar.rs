@@ -15,13 +15,11 @@ use std::collections::BinaryHeap;
 use nalgebra::{Matrix6, Vector6};
 
 use super::polytope::{Nearest, Stuck};
+use super::seen::{Seen, name, renamed};
 
-/// Vertices that are visited before the search is left to the whole polytope. One random grasp in a hundred needs more;
-/// where wrenches are as round as a ball, thousands of facets are equally near, and there it is the slower way.
+/// Vertices that are visited before the search is left to the whole polytope. Hardly a random grasp needs more; where
+/// wrenches are as round as a ball, thousands of facets are equally near, and there it is the slower way.
 const MAX_VISITS: usize = 500;
-/// Vertices that can be known, and slots of the table that knows them.
-const MAX_KNOWN: usize = 2048;
-const SLOTS: usize = 2 * MAX_KNOWN;
 /// Points are named by a byte.
 const MAX_POINTS: usize = 256;
 /// Gradients of barycentric coordinates in the first simplex, times the bound of the set. Beyond, the simplex is so flat
@@ -32,9 +30,9 @@ const MIN_DEPTH: f64 = 0.02;
 /// Rounding in the product of a point with a column, as a fraction of the bound of the set times the column's length:
 /// three times what six products make. Within, it is open on which side of the facet the point is.
 const NOISE: f64 = 2e-15;
-/// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts share
-/// planes, edges of pyramids too; without it every facet with more than six points were many vertices in one place. It
-/// is a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
+/// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts and
+/// edges of pyramids share planes, and without it a facet with more than six points would be many vertices in one place.
+/// It is ten to a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
 const DRAWN_IN: f64 = 2e-12;
 /// Coordinates of a point in a basis that count as none. Points that share a plane have such because of their being drawn
 /// in, and bases with them would be slivers.
@@ -96,45 +94,6 @@ impl PartialOrd for Waiting {
     }
 }
 
-/// Sets of six points that have been seen: a table with open addresses, emptied by counting up.
-#[derive(Debug, Clone, Default)]
-struct Seen {
-    slots: Vec<u64>,
-    count: usize,
-    round: u16,
-}
-
-impl Seen {
-    fn clear(&mut self) {
-        self.count = 0;
-        self.round = self.round.wrapping_add(1);
-        if self.round == 0 || self.slots.is_empty() {
-            self.slots.clear();
-            self.slots.resize(SLOTS, 0);
-            self.round = 1;
-        }
-    }
-
-    /// Whether the set is new. Its name takes 48 bits.
-    fn insert(&mut self, name: u64) -> Result<bool, Stuck> {
-        let entry = name | u64::from(self.round) << 48;
-        // Fibonacci hashing: the high bits of the product depend on all bits of the name.
-        let mut at = (name.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % SLOTS;
-        while self.slots[at] >> 48 == u64::from(self.round) {
-            if self.slots[at] == entry {
-                return Ok(false);
-            }
-            at = (at + 1) % SLOTS;
-        }
-        if self.count == MAX_KNOWN {
-            return Err(Stuck);
-        }
-        self.count += 1;
-        self.slots[at] = entry;
-        Ok(true)
-    }
-}
-
 /// The part of a polytope that faces the origin most.
 ///
 /// It has the same outcomes as the whole [`Polytope`](super::polytope::Polytope), and is [`Stuck`] where that one need
@@ -182,9 +141,7 @@ impl Polar {
         let depths = depths.map(|depth| depth / total);
         let center: Vector6<f64> = simplex.iter().zip(depths).map(|(p, depth)| p * depth).sum();
         self.center = center.into();
-        for corner in simplex {
-            self.draw_in(corner);
-        }
+        self.points.extend(simplex.iter().map(|corner| <[f64; 6]>::from(corner - center)));
         for lacking in 0..7_usize {
             let basis: [u8; 6] = std::array::from_fn(|k| (if k < lacking { k } else { k + 1 }) as u8);
             let of_vertex = gradients[lacking] / -depths[lacking];
@@ -201,8 +158,7 @@ impl Polar {
             }
             let distance = (1.0 + of_vertex.dot(&center)) / of_vertex.norm();
             let parent = self.vertices.len() as u16;
-            let name = basis.iter().fold(0, |name, &point| name << 8 | u64::from(point));
-            self.vertices.push(Vertex { columns, basis, name });
+            self.vertices.push(Vertex { columns, basis, name: name(&basis) });
             self.push(distance, parent, NO_EDGE, 0);
         }
         Ok(())
@@ -228,7 +184,9 @@ impl Polar {
             return Err(Stuck);
         }
         let cut = self.points.len();
-        self.draw_in(point);
+        // Multiples of the golden ratio are apart from each other, modulo one, however many they are.
+        let scale = 1.0 - DRAWN_IN * (cut as f64 * 0.618_033_988_749_894_9).fract();
+        self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
         let edges = self.nearest.take().ok_or(Stuck)?;
         let products = products(&edges.vertex.columns, &self.points[cut]);
         let over = products[VERTEX] - 1.0;
@@ -237,13 +195,6 @@ impl Polar {
             return Err(Stuck);
         }
         self.add_crossed(&edges, cut, &products, over, worth)
-    }
-
-    fn draw_in(&mut self, point: &Vector6<f64>) {
-        // Multiples of the golden ratio are apart from each other, modulo one, however many they are.
-        let place = (self.points.len() as f64 * 0.618_033_988_749_894_9).fract();
-        let scale = 1.0 - DRAWN_IN * place;
-        self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
     }
 
     /// Gives the vertex its matrix.
@@ -422,12 +373,4 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
         sum += x * y;
     }
     sum
-}
-
-/// The name of a set of six points, their bytes in ascending order, when one gives way to one newer than all.
-fn renamed(name: u64, without: u8, with: u8) -> u64 {
-    let is_it = |shift: &u32| name >> shift & 0xff == u64::from(without);
-    let shift = (0..6).map(|place| 8 * place).find(is_it).unwrap_or(0);
-    let (above, below) = (name >> (shift + 8), name & ((1 << shift) - 1));
-    (above << shift | below) << 8 | u64::from(with)
 }
