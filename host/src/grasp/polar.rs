@@ -20,6 +20,9 @@ use super::seen::{Seen, name, renamed};
 /// Vertices that are visited before the search is left to the whole polytope. Hardly a random grasp needs more; where
 /// wrenches are as round as a ball, thousands of facets are equally near, and there it is the slower way.
 const MAX_VISITS: usize = 500;
+/// Visits after which the nearest facet has to be this much of the upper bound: where it was less, the bounds never met in
+/// time, and where they did, it was more.
+const PROBATION: (usize, f64) = (150, 0.6);
 /// Points are named by a byte.
 const MAX_POINTS: usize = 256;
 /// Gradients of barycentric coordinates in the first simplex, times the bound of the set. Beyond, the simplex is so flat
@@ -60,7 +63,6 @@ struct Vertex {
 #[derive(Debug, Clone)]
 struct Edges {
     at: u16,
-    vertex: Vertex,
     /// Rounding in the product of a point with each column.
     noise: Lanes,
     /// Inverse of the length of each edge, in lengths of its column.
@@ -168,6 +170,9 @@ impl Polar {
     /// the search ends once the bounds meet; when there is none, rounding has lost one.
     pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Nearest, Stuck> {
         while let Some(next) = self.waiting.pop().filter(|next| next.distance < worth) {
+            if self.vertices.len() == PROBATION.0 && next.distance < PROBATION.1 * worth {
+                return Err(Stuck);
+            }
             let at = self.take(&next)?;
             if let Some(low) = self.visit(at, next.distance, worth)? {
                 let vertex = vertex_of(&self.vertices[usize::from(at)].columns);
@@ -188,9 +193,9 @@ impl Polar {
         let scale = 1.0 - DRAWN_IN * (cut as f64 * 0.618_033_988_749_894_9).fract();
         self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
         let edges = self.nearest.take().ok_or(Stuck)?;
-        let products = products(&edges.vertex.columns, &self.points[cut]);
+        let columns = &self.vertices[usize::from(edges.at)].columns;
+        let (products, vertex) = (products(columns, &self.points[cut]), vertex_of(columns));
         let over = products[VERTEX] - 1.0;
-        let vertex = vertex_of(&edges.vertex.columns);
         if over <= self.tie * dot(&vertex, &vertex).sqrt() {
             return Err(Stuck);
         }
@@ -233,7 +238,7 @@ impl Polar {
     ///
     /// Gives the distance of the facet when the vertex is left, rounded down as [`Nearest::low`] is.
     fn visit(&mut self, at: u16, expected: f64, worth: f64) -> Result<Option<f64>, Stuck> {
-        let vertex = self.vertices[usize::from(at)];
+        let vertex = &self.vertices[usize::from(at)];
         let position = vertex_of(&vertex.columns);
         let length = dot(&position, &position).sqrt();
         let mut in_basis = [0_u64; MAX_POINTS / 64];
@@ -260,12 +265,12 @@ impl Polar {
         for (noise, least) in noise.iter_mut().zip([PIVOT, PIVOT, PIVOT, PIVOT, PIVOT, PIVOT, 0.0, 0.0]) {
             *noise = (noise.sqrt() * self.noise).max(least);
         }
-        let mut edges = Edges { at, vertex, noise, inverse_lengths: [0.0; 8] };
+        let mut edges = Edges { at, noise, inverse_lengths: [0.0; 8] };
         for point in 0..self.points.len() {
             if in_basis[point / 64] >> (point % 64) & 1 == 1 {
                 continue;
             }
-            let products = products(&vertex.columns, &self.points[point]);
+            let products = products(&self.vertices[usize::from(at)].columns, &self.points[point]);
             let over = products[VERTEX] - 1.0;
             if point > newest {
                 let surely_over = if over.abs() > noise[VERTEX] { over } else { 0.0 };
@@ -313,7 +318,8 @@ impl Polar {
         for k in 0..8 {
             steps[k] = over / products[k];
         }
-        for (row, center) in edges.vertex.columns.iter().zip(self.center) {
+        let Vertex { columns, basis, name } = &self.vertices[usize::from(edges.at)];
+        for (row, center) in columns.iter().zip(self.center) {
             for k in 0..8 {
                 let x = row[VERTEX] - steps[k] * row[k];
                 squares[k] += x * x;
@@ -323,10 +329,11 @@ impl Polar {
         for k in 0..8 {
             along[k] /= squares[k].sqrt();
         }
+        let (basis, name) = (*basis, *name);
         for lane in 0..6 {
             if margins[lane] >= 0.0
                 && along[lane] < worth
-                && self.seen.insert(renamed(edges.vertex.name, edges.vertex.basis[lane], cut as u8))?
+                && self.seen.insert(renamed(name, basis[lane], cut as u8))?
             {
                 self.push(along[lane], edges.at, lane as u8, cut as u8);
             }
