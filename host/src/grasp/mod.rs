@@ -9,6 +9,7 @@ pub mod friction;
 mod polar;
 mod polytope;
 pub mod quality;
+mod seen;
 mod support;
 pub mod wrench;
 

@@ -15,13 +15,14 @@ use std::collections::BinaryHeap;
 use nalgebra::{Matrix6, Vector6};
 
 use super::polytope::{Nearest, Stuck};
+use super::seen::{Seen, name, renamed};
 
-/// Vertices that are visited before the search is left to the whole polytope. One random grasp in a hundred needs more;
-/// where wrenches are as round as a ball, thousands of facets are equally near, and there it is the slower way.
+/// Vertices that are visited before the search is left to the whole polytope. Hardly a random grasp needs more; where
+/// wrenches are as round as a ball, thousands of facets are equally near, and there it is the slower way.
 const MAX_VISITS: usize = 500;
-/// Vertices that can be known, and slots of the table that knows them.
-const MAX_KNOWN: usize = 2048;
-const SLOTS: usize = 2 * MAX_KNOWN;
+/// Visits after which the nearest facet has to be this much of the upper bound: where it was less, the bounds never met in
+/// time, and where they did, it was more.
+const PROBATION: (usize, f64) = (150, 0.6);
 /// Points are named by a byte.
 const MAX_POINTS: usize = 256;
 /// Gradients of barycentric coordinates in the first simplex, times the bound of the set. Beyond, the simplex is so flat
@@ -32,9 +33,9 @@ const MIN_DEPTH: f64 = 0.02;
 /// Rounding in the product of a point with a column, as a fraction of the bound of the set times the column's length:
 /// three times what six products make. Within, it is open on which side of the facet the point is.
 const NOISE: f64 = 2e-15;
-/// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts share
-/// planes, edges of pyramids too; without it every facet with more than six points were many vertices in one place. It
-/// is a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
+/// Points are drawn in towards the inner point, each by another fraction of its distance up to this one. Contacts and
+/// edges of pyramids share planes, and without it a facet with more than six points would be many vertices in one place.
+/// It is ten to a hundred times the noise of a common facet, and what it costs is below the gap that ends a search.
 const DRAWN_IN: f64 = 2e-12;
 /// Coordinates of a point in a basis that count as none. Points that share a plane have such because of their being drawn
 /// in, and bases with them would be slivers.
@@ -62,7 +63,6 @@ struct Vertex {
 #[derive(Debug, Clone)]
 struct Edges {
     at: u16,
-    vertex: Vertex,
     /// Rounding in the product of a point with each column.
     noise: Lanes,
     /// Inverse of the length of each edge, in lengths of its column.
@@ -93,45 +93,6 @@ impl Ord for Waiting {
 impl PartialOrd for Waiting {
     fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
         Some(self.cmp(other))
-    }
-}
-
-/// Sets of six points that have been seen: a table with open addresses, emptied by counting up.
-#[derive(Debug, Clone, Default)]
-struct Seen {
-    slots: Vec<u64>,
-    count: usize,
-    round: u16,
-}
-
-impl Seen {
-    fn clear(&mut self) {
-        self.count = 0;
-        self.round = self.round.wrapping_add(1);
-        if self.round == 0 || self.slots.is_empty() {
-            self.slots.clear();
-            self.slots.resize(SLOTS, 0);
-            self.round = 1;
-        }
-    }
-
-    /// Whether the set is new. Its name takes 48 bits.
-    fn insert(&mut self, name: u64) -> Result<bool, Stuck> {
-        let entry = name | u64::from(self.round) << 48;
-        // Fibonacci hashing: the high bits of the product depend on all bits of the name.
-        let mut at = (name.wrapping_mul(0x9E37_79B9_7F4A_7C15) >> 32) as usize % SLOTS;
-        while self.slots[at] >> 48 == u64::from(self.round) {
-            if self.slots[at] == entry {
-                return Ok(false);
-            }
-            at = (at + 1) % SLOTS;
-        }
-        if self.count == MAX_KNOWN {
-            return Err(Stuck);
-        }
-        self.count += 1;
-        self.slots[at] = entry;
-        Ok(true)
     }
 }
 
@@ -182,9 +143,7 @@ impl Polar {
         let depths = depths.map(|depth| depth / total);
         let center: Vector6<f64> = simplex.iter().zip(depths).map(|(p, depth)| p * depth).sum();
         self.center = center.into();
-        for corner in simplex {
-            self.draw_in(corner);
-        }
+        self.points.extend(simplex.iter().map(|corner| <[f64; 6]>::from(corner - center)));
         for lacking in 0..7_usize {
             let basis: [u8; 6] = std::array::from_fn(|k| (if k < lacking { k } else { k + 1 }) as u8);
             let of_vertex = gradients[lacking] / -depths[lacking];
@@ -201,8 +160,7 @@ impl Polar {
             }
             let distance = (1.0 + of_vertex.dot(&center)) / of_vertex.norm();
             let parent = self.vertices.len() as u16;
-            let name = basis.iter().fold(0, |name, &point| name << 8 | u64::from(point));
-            self.vertices.push(Vertex { columns, basis, name });
+            self.vertices.push(Vertex { columns, basis, name: name(&basis) });
             self.push(distance, parent, NO_EDGE, 0);
         }
         Ok(())
@@ -212,6 +170,9 @@ impl Polar {
     /// the search ends once the bounds meet; when there is none, rounding has lost one.
     pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Nearest, Stuck> {
         while let Some(next) = self.waiting.pop().filter(|next| next.distance < worth) {
+            if self.vertices.len() == PROBATION.0 && next.distance < PROBATION.1 * worth {
+                return Err(Stuck);
+            }
             let at = self.take(&next)?;
             if let Some(low) = self.visit(at, next.distance, worth)? {
                 let vertex = vertex_of(&self.vertices[usize::from(at)].columns);
@@ -228,22 +189,17 @@ impl Polar {
             return Err(Stuck);
         }
         let cut = self.points.len();
-        self.draw_in(point);
+        // Multiples of the golden ratio are apart from each other, modulo one, however many they are.
+        let scale = 1.0 - DRAWN_IN * (cut as f64 * 0.618_033_988_749_894_9).fract();
+        self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
         let edges = self.nearest.take().ok_or(Stuck)?;
-        let products = products(&edges.vertex.columns, &self.points[cut]);
+        let columns = &self.vertices[usize::from(edges.at)].columns;
+        let (products, vertex) = (products(columns, &self.points[cut]), vertex_of(columns));
         let over = products[VERTEX] - 1.0;
-        let vertex = vertex_of(&edges.vertex.columns);
         if over <= self.tie * dot(&vertex, &vertex).sqrt() {
             return Err(Stuck);
         }
         self.add_crossed(&edges, cut, &products, over, worth)
-    }
-
-    fn draw_in(&mut self, point: &Vector6<f64>) {
-        // Multiples of the golden ratio are apart from each other, modulo one, however many they are.
-        let place = (self.points.len() as f64 * 0.618_033_988_749_894_9).fract();
-        let scale = 1.0 - DRAWN_IN * place;
-        self.points.push(std::array::from_fn(|k| (point[k] - self.center[k]) * scale));
     }
 
     /// Gives the vertex its matrix.
@@ -282,7 +238,7 @@ impl Polar {
     ///
     /// Gives the distance of the facet when the vertex is left, rounded down as [`Nearest::low`] is.
     fn visit(&mut self, at: u16, expected: f64, worth: f64) -> Result<Option<f64>, Stuck> {
-        let vertex = self.vertices[usize::from(at)];
+        let vertex = &self.vertices[usize::from(at)];
         let position = vertex_of(&vertex.columns);
         let length = dot(&position, &position).sqrt();
         let mut in_basis = [0_u64; MAX_POINTS / 64];
@@ -309,12 +265,12 @@ impl Polar {
         for (noise, least) in noise.iter_mut().zip([PIVOT, PIVOT, PIVOT, PIVOT, PIVOT, PIVOT, 0.0, 0.0]) {
             *noise = (noise.sqrt() * self.noise).max(least);
         }
-        let mut edges = Edges { at, vertex, noise, inverse_lengths: [0.0; 8] };
+        let mut edges = Edges { at, noise, inverse_lengths: [0.0; 8] };
         for point in 0..self.points.len() {
             if in_basis[point / 64] >> (point % 64) & 1 == 1 {
                 continue;
             }
-            let products = products(&vertex.columns, &self.points[point]);
+            let products = products(&self.vertices[usize::from(at)].columns, &self.points[point]);
             let over = products[VERTEX] - 1.0;
             if point > newest {
                 let surely_over = if over.abs() > noise[VERTEX] { over } else { 0.0 };
@@ -362,7 +318,8 @@ impl Polar {
         for k in 0..8 {
             steps[k] = over / products[k];
         }
-        for (row, center) in edges.vertex.columns.iter().zip(self.center) {
+        let Vertex { columns, basis, name } = &self.vertices[usize::from(edges.at)];
+        for (row, center) in columns.iter().zip(self.center) {
             for k in 0..8 {
                 let x = row[VERTEX] - steps[k] * row[k];
                 squares[k] += x * x;
@@ -372,10 +329,11 @@ impl Polar {
         for k in 0..8 {
             along[k] /= squares[k].sqrt();
         }
+        let (basis, name) = (*basis, *name);
         for lane in 0..6 {
             if margins[lane] >= 0.0
                 && along[lane] < worth
-                && self.seen.insert(renamed(edges.vertex.name, edges.vertex.basis[lane], cut as u8))?
+                && self.seen.insert(renamed(name, basis[lane], cut as u8))?
             {
                 self.push(along[lane], edges.at, lane as u8, cut as u8);
             }
@@ -422,12 +380,4 @@ fn dot(a: &[f64; 6], b: &[f64; 6]) -> f64 {
         sum += x * y;
     }
     sum
-}
-
-/// The name of a set of six points, their bytes in ascending order, when one gives way to one newer than all.
-fn renamed(name: u64, without: u8, with: u8) -> u64 {
-    let is_it = |shift: &u32| name >> shift & 0xff == u64::from(without);
-    let shift = (0..6).map(|place| 8 * place).find(is_it).unwrap_or(0);
-    let (above, below) = (name >> (shift + 8), name & ((1 << shift) - 1));
-    (above << shift | below) << 8 | u64::from(with)
 }
