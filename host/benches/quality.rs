@@ -2,6 +2,7 @@
 //!
 //! Each measurement goes round 200 random force-closure grasps, so that no branch is learnt by heart. The comparison with
 //! Qhull is a package of its own, `qhull/` beside this file.
+#![allow(clippy::expect_used, reason = "a benchmark of contacts that are none has nothing to measure")]
 
 use std::hint::black_box;
 
