@@ -12,26 +12,11 @@ use crate::exec::{
 };
 use crate::link::{Command, Link, ThumbLaw};
 use crate::object::BuiltIn;
+use crate::object::solids::cuboid;
 use crate::surface::Mesh;
 
 fn box_mesh(size: [f64; 3]) -> Mesh {
-    let corner = |i: usize, axis: usize| if i >> axis & 1 == 0 { -0.5 } else { 0.5 } * size[axis];
-    let vertices = (0..8).map(|i| Point3::new(corner(i, 0), corner(i, 1), corner(i, 2))).collect();
-    let faces = [
-        [0, 2, 1],
-        [1, 2, 3],
-        [4, 5, 6],
-        [5, 7, 6],
-        [0, 1, 4],
-        [1, 5, 4],
-        [2, 6, 3],
-        [3, 6, 7],
-        [0, 4, 2],
-        [2, 4, 6],
-        [1, 3, 5],
-        [3, 7, 5],
-    ];
-    Mesh::new(vertices, faces.to_vec()).unwrap()
+    cuboid(size).unwrap().transformed(&Isometry3::translation(0.0, 0.0, -0.5 * size[2]))
 }
 
 fn box_object(size: [f64; 3], center: Vector3<f64>, mass_kg: f64) -> ObjectBody {

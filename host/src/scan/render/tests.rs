@@ -1,28 +1,15 @@
 use nalgebra::{Rotation3, Translation3, UnitQuaternion};
 
 use super::*;
+use crate::object::solids::cuboid;
 use crate::scan::calibrate::{Bench, BenchCamera, CalibrateSettings, Calibration, Evaluation, calibrate};
 use crate::scan::stripe::{Across, LineOutcome, StripeExtractor};
 
 /// A box, corners given.
 fn block(low: [f64; 3], high: [f64; 3]) -> Mesh {
-    let vertices =
-        (0..8).map(|i| Point3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low } else { high }[axis])));
-    let faces = [
-        [0, 2, 1],
-        [1, 2, 3],
-        [4, 5, 6],
-        [5, 7, 6],
-        [0, 1, 4],
-        [1, 5, 4],
-        [2, 6, 3],
-        [3, 6, 7],
-        [0, 4, 2],
-        [2, 4, 6],
-        [1, 3, 5],
-        [3, 7, 5],
-    ];
-    Mesh::new(vertices.collect(), faces.to_vec()).unwrap()
+    let middle = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
+    let standing = cuboid([0, 1, 2].map(|axis| high[axis] - low[axis])).unwrap();
+    standing.transformed(&Isometry3::translation(middle[0], middle[1], low[2]))
 }
 
 /// Looking straight down from the stand-off above the origin, x and y as the base's x and -y.
