@@ -8,6 +8,7 @@ pub mod cli;
 pub mod exec;
 pub mod export;
 pub mod grasp;
+pub mod hand;
 pub mod io;
 pub mod link;
 pub mod object;

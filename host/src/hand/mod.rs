@@ -1,0 +1,114 @@
+//! A hand as the planner sees it: fingers as chains of joints and of balls, a palm of boxes, and the typical grasps that
+//! it makes.
+//!
+//! Any number of fingers, joints that mimic others, joints that several fingers share. [`hit_dlr`] is the built-in hand.
+//! Joint angles of a whole hand are a [`Posture`]: one number for each independent joint. Nothing here allocates once a
+//! hand is made.
+pub mod candidate;
+pub mod finger;
+pub mod hit_dlr;
+mod inverse;
+mod posture;
+
+use hand_model::HandModel;
+use nalgebra::{Isometry3, Point3, Vector3};
+
+pub use candidate::{Candidate, ContactKind};
+pub use finger::{Bead, Finger, Part, Segment};
+pub use posture::{MAX_FINGERS, MAX_JOINTS, Posture};
+
+/// An independent joint: one that no other joint drives.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Joint {
+    /// Name, as in plan documents and robot descriptions.
+    pub name: String,
+    /// Where planned postures begin, rad (metres for a sliding joint).
+    pub lower_rad: f64,
+    /// Where they end.
+    pub upper_rad: f64,
+    /// Greatest speed, rad/s.
+    pub speed_max_rad_per_s: f64,
+    /// Greatest torque of the drive, N m.
+    pub torque_max_nm: f64,
+    /// Stiffness of the joint's position control while a grasp is squeezed, N m / rad: how far a target has to lie
+    /// behind a contact for a given force.
+    pub stiffness_nm_per_rad: f64,
+    /// Whether the finger closes towards the joint's upper (`true`) or lower limit; `None` for a joint that spreads or
+    /// turns a finger.
+    pub flexes: Option<bool>,
+    /// Set before a grasp and held in it: a joint that several fingers share, or one with a brake.
+    pub is_held: bool,
+}
+
+/// A box of the palm.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PalmBox {
+    /// Pose of the box's centre and axes in the palm frame.
+    pub palm_from_box: Isometry3<f64>,
+    /// Half its edges, metres.
+    pub half_extents_m: Vector3<f64>,
+}
+
+/// What the planner needs of a hand.
+#[derive(Debug, Clone)]
+pub struct Hand {
+    /// Name, as in the plan document.
+    pub name: String,
+    /// SHA-256 over everything that a plan depends on.
+    pub sha256: String,
+    /// The independent joints; a [`Posture`] has their order.
+    pub joints: Vec<Joint>,
+    /// The fingers, at most [`MAX_FINGERS`].
+    pub fingers: Vec<Finger>,
+    /// The palm's boxes.
+    pub palm: Vec<PalmBox>,
+    /// Where grasped things usually are, palm frame: the middle between the tips of a half closed hand.
+    pub grasp_center_in_palm: Point3<f64>,
+    /// What a fingertip can press continuously, newtons.
+    pub tip_force_max_n: f64,
+    /// Mass of the whole hand, kg.
+    pub mass_kg: f64,
+    /// Typical grasps, in the order in which a search tries them.
+    pub candidates: Vec<Candidate>,
+    /// The parameters that the firmware has of the hand; `None` for hands that it does not drive.
+    pub model: Option<HandModel<f64>>,
+}
+
+impl Hand {
+    /// Index of a finger by name.
+    #[must_use]
+    pub fn finger_index(&self, name: &str) -> Option<usize> {
+        self.fingers.iter().position(|finger| finger.name == name)
+    }
+
+    /// The posture with every joint inside its limits.
+    #[must_use]
+    pub fn clamped(&self, mut posture: Posture) -> Posture {
+        for (i, joint) in self.joints.iter().enumerate() {
+            posture[i] = posture[i].clamp(joint.lower_rad, joint.upper_rad);
+        }
+        posture
+    }
+
+    /// Whether every joint is inside its limits, to within a nanoradian.
+    #[must_use]
+    pub fn within_limits(&self, posture: &Posture) -> bool {
+        let slack = 1e-9;
+        self.joints
+            .iter()
+            .enumerate()
+            .all(|(i, joint)| (joint.lower_rad - slack..=joint.upper_rad + slack).contains(&posture[i]))
+    }
+
+    /// Least distance of a joint of `posture` from its nearer limit, as a share of its range: 0 at a limit, 0.5 in the
+    /// middle. Joints without a range do not count; 0.5 when there is none with one.
+    #[must_use]
+    pub fn limit_margin(&self, posture: &Posture) -> f64 {
+        let margins = self.joints.iter().enumerate().filter_map(|(i, joint)| {
+            let range = joint.upper_rad - joint.lower_rad;
+            let nearer = (posture[i] - joint.lower_rad).min(joint.upper_rad - posture[i]);
+            (range > 1e-9).then(|| nearer / range)
+        });
+        margins.fold(0.5, f64::min)
+    }
+}
