@@ -20,7 +20,6 @@ use crate::exec::{Execution, Verdict};
 use crate::grasp::Contact;
 use crate::io::{Unit, read_mesh, write_atomically, write_cloud, write_mesh};
 use crate::object::Object;
-use crate::plan::document::hand_angles;
 use crate::plan::scene::Scene;
 use crate::scan::Instrument;
 use crate::surface::Mesh;
@@ -191,16 +190,13 @@ fn plan(args: &DemoArgs, object: &Object, mesh: Mesh) -> anyhow::Result<(Scene, 
 
 /// Draws the best grasp.
 fn draw(scene: &Scene, planned: &Planned, path: &Path) -> anyhow::Result<()> {
-    let (Some(grasp), Some(info)) = (planned.grasps.first(), planned.document.grasps.first()) else {
-        return Ok(());
-    };
+    let Some(grasp) = planned.grasps.first() else { return Ok(()) };
     let contacts: Vec<Contact> = grasp.contacts.iter().map(|touch| touch.contact).collect();
-    let angles = hand_angles(&info.grasp, "grasp")?;
     let picture = Picture {
         object: &scene.mesh,
         hand: &scene.hand,
         base_from_palm: scene.base_from_object * grasp.site.object_from_palm,
-        angles: &angles,
+        posture: &grasp.grasp,
         contacts: &contacts,
         base_from_object: scene.base_from_object,
         table_height_m: scene.table_height_m,

@@ -13,10 +13,11 @@ use serde_json::{Value, json};
 
 use super::{Outcome, input, write_json};
 use crate::exec::{Event, EventKind, Execution, ExecutionPlan, ExecutionSettings, Verdict, execute};
+use crate::hand::hit_dlr;
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::link::ThumbLaw;
 use crate::object::{BuiltIn, Object};
-use crate::plan::document::{GraspInfo, PlanDocument, Pose, Posture, hand_angles, hand_hash, mesh_hash};
+use crate::plan::document::{GraspInfo, PlanDocument, Pose, Posture, hand_angles, mesh_hash};
 use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin};
 
 /// Largest plan document that is read, bytes.
@@ -126,7 +127,7 @@ pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
     let document: PlanDocument = serde_json::from_str(&std::fs::read_to_string(path)?)?;
     document.check()?;
     ensure!(
-        document.hand.sha256 == hand_hash(&HandModel::hit_dlr()),
+        document.hand.sha256 == hit_dlr::hash(&HandModel::hit_dlr()),
         "the plan is for another hand ({}, or other parameters of it)",
         document.hand.name
     );

@@ -4,19 +4,20 @@ use std::collections::BTreeMap;
 use std::io::Write;
 use std::time::Instant;
 
-use hand_model::HandAngles;
 use nalgebra::Vector3;
 use protocol::ids::FINGER_COUNT;
 
 use super::plan::Strategy;
-use crate::exec::{GripContact, GripStiffness, balanced_forces, squeeze_targets};
+use crate::exec::{
+    GripContact, GripStiffness, LinkPush, balanced_forces, joint_squeeze_targets, squeeze_targets,
+};
 use crate::grasp::Convention;
+use crate::hand::{Posture, hit_dlr};
 use crate::object::Object;
 use crate::plan::attempt::{Grasp, Rejection, palm_sites};
-use crate::plan::candidates::typical;
 use crate::plan::document::{
     ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION,
-    array, frames, hand_hash, mesh_hash, posture,
+    array, frames, mesh_hash, posture,
 };
 use crate::plan::motion::arm_motion;
 use crate::plan::scene::Scene;
@@ -99,7 +100,7 @@ impl Planner<'_> {
             format: FORMAT.to_owned(),
             version: VERSION,
             frames: frames(),
-            hand: HandInfo { name: "hit-dlr".to_owned(), sha256: hand_hash(&scene.hand.model) },
+            hand: HandInfo { name: scene.hand.name.clone(), sha256: scene.hand.sha256.clone() },
             arm: scene.arm.as_ref().map(|arm| arm.params().name.clone()),
             object: ObjectInfo {
                 source: self.object.name.clone(),
@@ -140,8 +141,8 @@ impl Planner<'_> {
         let [approach, site, lift] = palm_sites(scene, &grasp.site);
         let quality = &grasp.quality;
         let contacts = grasp.contacts.iter().zip(&forces).map(|(touch, force)| ContactInfo {
-            finger: touch.finger.name().to_owned(),
-            link: touch.link.name().to_owned(),
+            finger: touch.finger_name(&scene.hand).to_owned(),
+            link: touch.link_name(&scene.hand).to_owned(),
             point: array(&touch.contact.point_in_object()),
             normal: touch.contact.inward_normal_in_object().into_inner().into(),
             friction: touch.contact.friction(),
@@ -149,33 +150,32 @@ impl Planner<'_> {
             squeeze_force_n: (*force).into(),
         });
         Ok(GraspInfo {
-            candidate: typical()[grasp.candidate].name.to_owned(),
+            candidate: scene.hand.candidates[grasp.candidate].name.clone(),
             quality: QualityInfo {
                 epsilon: quality.epsilon(),
                 epsilon_low: quality.epsilon_low,
                 epsilon_high: quality.epsilon_high,
-                expected_epsilon: grasp.expected_epsilon,
+                expected_epsilon: grasp.robustness.map(|r| r.expected_epsilon),
             },
             object_from_palm: (&grasp.site.object_from_palm).into(),
             approach_site: (&approach).into(),
             grasp_site: (&site).into(),
             lift_site: (&lift).into(),
-            pregrasp: posture(&grasp.pregrasp),
-            grasp: posture(&grasp.grasp),
-            squeeze: posture(&squeeze),
+            pregrasp: posture(&scene.hand, &grasp.pregrasp),
+            grasp: posture(&scene.hand, &grasp.grasp),
+            squeeze: posture(&scene.hand, &squeeze),
             contacts: contacts.collect(),
             arm_motion,
         })
     }
 
     /// Joint targets that press, and the forces on the object in its frame.
-    fn squeeze(&self, grasp: &Grasp) -> Option<(HandAngles<f64>, Vec<Vector3<f64>>)> {
+    fn squeeze(&self, grasp: &Grasp) -> Option<(Posture, Vec<Vector3<f64>>)> {
         let scene = self.scene;
         let contacts: Vec<GripContact> = grasp
             .contacts
             .iter()
             .map(|touch| GripContact {
-                finger: touch.finger,
                 point: touch.contact.point_in_object(),
                 inward_normal: touch.contact.inward_normal_in_object(),
             })
@@ -187,12 +187,38 @@ impl Planner<'_> {
         let forces = [SQUEEZE_CONE_SHARE, 1.0]
             .iter()
             .find_map(|share| balanced_forces(&contacts, share * scene.friction, grip_n).ok())?;
-        let palm_from_object = grasp.site.object_from_palm.rotation.inverse();
-        let mut in_palm = [None; FINGER_COUNT];
-        for (contact, force) in contacts.iter().zip(&forces) {
-            in_palm[contact.finger.index()] = Some(palm_from_object * force);
-        }
-        let squeeze = squeeze_targets(&scene.hand.model, &grasp.grasp, &in_palm, &GripStiffness::default());
+        let palm_from_object = grasp.site.object_from_palm.inverse();
+        let is_precise = grasp.contacts.iter().all(|touch| touch.is_pad(&scene.hand));
+        let squeeze = match &scene.hand.model {
+            // The firmware's thumb presses by Cartesian impedance.
+            Some(model) if is_precise => {
+                let mut in_palm = [None; FINGER_COUNT];
+                for (touch, force) in grasp.contacts.iter().zip(&forces) {
+                    if let Some(slot) = touch.finger.and_then(|finger| in_palm.get_mut(finger)) {
+                        *slot = Some(palm_from_object.rotation * force);
+                    }
+                }
+                let angles = hit_dlr::angles(&grasp.grasp);
+                hit_dlr::posture(&squeeze_targets(model, &angles, &in_palm, &GripStiffness::default()))
+            }
+            _ => {
+                let pushes: Vec<LinkPush> = grasp
+                    .contacts
+                    .iter()
+                    .zip(&forces)
+                    .filter_map(|(touch, force)| {
+                        let finger = touch.finger?;
+                        Some(LinkPush {
+                            finger,
+                            segment: scene.hand.fingers[finger].beads()[touch.bead].segment,
+                            point_in_palm: palm_from_object * touch.contact.point_in_object(),
+                            force_in_palm: palm_from_object.rotation * force,
+                        })
+                    })
+                    .collect();
+                joint_squeeze_targets(&scene.hand, &grasp.grasp, &pushes)
+            }
+        };
         Some((squeeze, forces))
     }
 }

@@ -7,6 +7,8 @@ use nalgebra::{DMatrix, DVector, Isometry3, Matrix3, Point3, Unit, Vector3, conv
 use protocol::ids::{FINGER_COUNT, FingerId};
 use thiserror::Error;
 
+use crate::hand::{Hand, Posture};
+
 /// Alternating projections: a grasp with room inside its cones needs some tens.
 const SWEEPS: usize = 500;
 /// Least share of the mean normal force that every finger gets, so that none is idle.
@@ -40,11 +42,9 @@ pub enum GripError {
     },
 }
 
-/// A fingertip on the object.
+/// A place where the hand touches the object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GripContact {
-    /// Whose tip it is.
-    pub finger: FingerId,
     /// Where it touches, any frame.
     pub point: Point3<f64>,
     /// Into the object, same frame.
@@ -182,6 +182,39 @@ pub fn squeeze_targets(
         squeeze.fingers[finger.index()] = model.hard_limits.clamp_finger(&target);
     }
     squeeze
+}
+
+/// A push of one of a finger's links.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct LinkPush {
+    /// Index of the finger.
+    pub finger: usize,
+    /// Index of the segment of the finger that pushes.
+    pub segment: usize,
+    /// Where, palm frame.
+    pub point_in_palm: Point3<f64>,
+    /// Force on the object, N, palm frame.
+    pub force_in_palm: Vector3<f64>,
+}
+
+/// Joint targets that press with the given forces when a hand whose joints are all under position control stands at
+/// `grasp`: `q + J^T f / k` with each joint's stiffness, within the joints' limits. Joints that are held stay.
+#[must_use]
+pub fn joint_squeeze_targets(hand: &Hand, grasp: &Posture, pushes: &[LinkPush]) -> Posture {
+    let mut squeeze = *grasp;
+    for push in pushes {
+        let chain = &hand.fingers[push.finger];
+        let frames = chain.frames(grasp);
+        let jacobian = chain.point_jacobian(&frames, push.segment, &push.point_in_palm);
+        for (column, &joint) in chain.joints().iter().enumerate() {
+            let limits = &hand.joints[joint];
+            if !limits.is_held {
+                squeeze[joint] +=
+                    jacobian.column(column).dot(&push.force_in_palm) / limits.stiffness_nm_per_rad;
+            }
+        }
+    }
+    hand.clamped(squeeze)
 }
 
 fn moved(angles: &FingerAngles<f64>, by_rad: &Vector3<f64>) -> FingerAngles<f64> {

@@ -8,7 +8,9 @@ mod plan;
 mod profile;
 mod run;
 
-pub use grip::{GripContact, GripError, GripStiffness, balanced_forces, squeeze_targets};
+pub use grip::{
+    GripContact, GripError, GripStiffness, LinkPush, balanced_forces, joint_squeeze_targets, squeeze_targets,
+};
 pub use monitor::{FeltContact, Monitor, MonitorConfig, Touch, felt_contact};
 pub use outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
 pub use plan::{ExecutionPlan, ExecutionSettings};

@@ -4,7 +4,7 @@
 
 use super::Grasp;
 use super::text::{list, quoted, real};
-use crate::plan::document::posture;
+use crate::plan::document::named;
 
 /// The file: poses of the palm in the object's frame, `source` being what the object is called.
 ///
@@ -31,7 +31,7 @@ pub fn yaml(source: &str, grasps: &[Grasp]) -> String {
         for (key, angles) in [("cspace_position", grasp.grasp), ("pregrasp_cspace_position", grasp.pregrasp)]
         {
             text += &format!("    {key}:\n");
-            for (joint, angle_rad) in posture(&angles) {
+            for (joint, angle_rad) in named(&angles) {
                 text += &format!("      {joint}: {}\n", real(angle_rad));
             }
         }

@@ -1,16 +1,21 @@
 //! One grasp attempt: place the palm, check reach and collisions, close the fingers, take contacts, evaluate.
+//!
+//! An attempt that fails allocates nothing: its room is the [`AttemptScratch`] of its thread.
 
-use hand_model::{FingerAngles, FingerInverse, FingerTrig, HandAngles, inverse_angles, tip};
-use nalgebra::{Isometry3, Point3, Translation3, Vector3};
-use protocol::ids::FingerId;
+use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
+use super::approach::{fingers_collide, free_approach, hand_clear_of_table, palm_clear};
 use super::arm::Inverse;
-use super::candidates::{Candidate, ContactKind, SOFT_TIP_TORSION_M, open_finger};
-use super::closing::{Closing, ClosingScratch, Touch, close_finger};
-use super::hand_body::Link;
-use super::scene::{Scene, TABLE_CLEARANCE_M};
+use super::best::rank::Errors;
+use super::closing::{Closing, Touch, close_finger};
+use super::scene::Scene;
 use super::settle::Site;
 use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate};
+use crate::hand::{Candidate, ContactKind, Hand, MAX_FINGERS, Part, Posture};
+
+/// Torsional friction of a soft tip, as the length e in `mu * sqrt(|f_t|^2 + (tau / e)^2)`, metres. 3 mm is the middle
+/// of 2..4 mm for rubber tips under a few newtons; contact radius grows with force (Xydas and Kao 1999).
+pub const SOFT_TIP_TORSION_M: f64 = 0.003;
 
 /// Least cosine between a finger's push and its pad's normal, for the distal link, whose rubber covers the pad only: 75
 /// degrees round the finger.
@@ -23,45 +28,79 @@ const TIP_COSINE_MIN: f64 = -0.17;
 /// calibration, as much as object, table and joint limits leave.
 const STAND_OFF_M: [f64; 3] = [0.025, 0.015, 0.008];
 
-/// Least step of a bead along the approach, metres: it may so dive by less than this under a grazed surface.
-const TRACE_STEP_MIN_M: f64 = 2.0e-4;
-
-/// Overlap of beads of two fingers that is still no collision, metres: the chains are rounder than the links.
-const SELF_OVERLAP_M: f64 = 0.002;
-
 /// A grasp that passed every check.
 #[derive(Debug, Clone)]
 pub struct Grasp {
-    /// Index into [`typical`](super::candidates::typical).
+    /// Index into the hand's candidates.
     pub candidate: usize,
     /// Where the palm is and from where it came, object frame.
     pub site: Site,
     /// Tips standing off their contacts along the normals, as at the approach site.
-    pub pregrasp: HandAngles<f64>,
-    /// All used fingers touching; joint angles inside the soft limits.
-    pub grasp: HandAngles<f64>,
-    /// One contact for each used finger, in the order of [`FingerId`].
+    pub pregrasp: Posture,
+    /// All used fingers touching; joint angles inside the limits.
+    pub grasp: Posture,
+    /// Where the hand touches: the palm first, then finger by finger.
     pub contacts: Vec<GraspContact>,
     /// Force-closure quality in the scene's convention.
     pub quality: Quality,
-    /// Mean epsilon over sampled errors of the pose, where a search measured it.
-    pub expected_epsilon: Option<f64>,
+    /// What the ranking knows of it beyond its quality, where a search measured it.
+    pub robustness: Option<Robustness>,
+}
+
+/// How a grasp fares when things are not quite as planned.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Robustness {
+    /// Share of sampled errors of pose, friction and shape under which the fingers still close by force.
+    pub closure_chance: f64,
+    /// Mean epsilon over the samples, lost closure counting as 0.
+    pub expected_epsilon: f64,
+    /// Least distance of a joint from its limits, as a share of its range.
+    pub limit_margin: f64,
+    /// Share of the contacts on surface that was measured rather than completed.
+    pub seen_share: f64,
+    /// What the ranking sorts by.
+    pub score: f64,
 }
 
 /// A contact and who makes it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Copy)]
 pub struct GraspContact {
-    /// The finger.
-    pub finger: FingerId,
-    /// Its link.
-    pub link: Link,
+    /// Index of the finger; `None` for the palm.
+    pub finger: Option<usize>,
+    /// Which of the finger's beads; 0 for the palm.
+    pub bead: usize,
     /// Point, inward normal and friction, object frame.
     pub contact: Contact,
+}
+
+impl GraspContact {
+    /// Name of the finger, or `palm`.
+    #[must_use]
+    pub fn finger_name<'h>(&self, hand: &'h Hand) -> &'h str {
+        self.finger.map_or("palm", |finger| &hand.fingers[finger].name)
+    }
+
+    /// Name of the touching link, as in the hand's description; `palm` for the palm.
+    #[must_use]
+    pub fn link_name<'h>(&self, hand: &'h Hand) -> &'h str {
+        self.finger.map_or("palm", |finger| {
+            let chain = &hand.fingers[finger];
+            chain.link_of(&chain.beads()[self.bead])
+        })
+    }
+
+    /// Whether a fingertip or the pad before it touches.
+    #[must_use]
+    pub fn is_pad(&self, hand: &Hand) -> bool {
+        self.finger.is_some_and(|finger| hand.fingers[finger].beads()[self.bead].part != Part::Inner)
+    }
 }
 
 /// Why an attempt is no grasp, in the order in which the checks run: a later reason came further.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Rejection {
+    /// The palm is in the table or cuts the object where the fingers would close.
+    PalmBlocked,
     /// The arm cannot bring the palm to the grasp, the approach or the lifted site.
     Unreachable,
     /// A used finger is in the object before it closes.
@@ -78,7 +117,7 @@ pub enum Rejection {
     HitsTable,
     /// Two fingers collide.
     FingersCollide,
-    /// The palm cuts the object at the grasp or on the way there.
+    /// The palm cuts the object on the way there.
     PalmHitsObject,
     /// A finger that stands off, or is not used, touches the object at the grasp site or on the way there.
     FingerHitsObject,
@@ -86,7 +125,8 @@ pub enum Rejection {
 
 impl Rejection {
     /// All reasons, in order.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
+        Self::PalmBlocked,
         Self::Unreachable,
         Self::FingerInObject,
         Self::FingerMisses,
@@ -103,6 +143,7 @@ impl Rejection {
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
+            Self::PalmBlocked => "palm-blocked",
             Self::Unreachable => "unreachable",
             Self::FingerInObject => "finger-in-object",
             Self::FingerMisses => "finger-misses",
@@ -120,32 +161,23 @@ impl Rejection {
 /// Room that one thread keeps between attempts.
 #[derive(Default)]
 pub struct AttemptScratch {
-    closing: ClosingScratch,
-    centers: Vec<Point3<f64>>,
-    other_centers: Vec<Point3<f64>>,
     contacts: Vec<Contact>,
+    touches: Vec<GraspContact>,
     quality: Workspace,
 }
 
-impl AttemptScratch {
-    /// Room for the bead centres of one finger.
-    pub(super) fn centers_mut(&mut self) -> &mut Vec<Point3<f64>> {
-        &mut self.centers
-    }
-}
-
-/// How the fingers of an attempt ended; the paper's search moves the palm by it until all touch together.
+/// How the fingers of an attempt ended; the searches move the palm by it until all touch together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closed {
-    /// By [`FingerId::index`]; `None` for fingers that the candidate does not use.
-    pub fingers: [Option<Closing>; 4],
+    /// By finger; `None` for fingers that the candidate does not use.
+    pub fingers: [Option<Closing>; MAX_FINGERS],
 }
 
 impl Closed {
     /// The touches, in finger order.
-    pub fn touches(&self) -> impl Iterator<Item = (FingerId, Touch)> + '_ {
-        FingerId::ALL.into_iter().filter_map(|finger| match self.fingers[finger.index()] {
-            Some(Closing::Touches(touch)) => Some((finger, touch)),
+    pub fn touches(&self) -> impl Iterator<Item = (usize, Touch)> + '_ {
+        self.fingers.iter().enumerate().filter_map(|(finger, closing)| match closing {
+            Some(Closing::Touches(touch)) => Some((finger, *touch)),
             _ => None,
         })
     }
@@ -153,17 +185,16 @@ impl Closed {
 
 /// Closes the used fingers about the object, the palm held still.
 #[must_use]
-pub fn close_hand(scene: &Scene, site: &Site, scratch: &mut AttemptScratch) -> Closed {
-    let fingers = FingerId::ALL.map(|finger| {
-        let path = site.preshape.paths[finger.index()].as_ref()?;
-        let palm_from_base = scene.hand.palm_from_finger_base(finger, site.preshape.thumb_rotation_rad);
-        let object_from_base = site.object_from_palm * palm_from_base;
-        Some(close_finger(&scene.surface, &scene.hand, &object_from_base, path, &mut scratch.closing))
-    });
+pub fn close_hand(scene: &Scene, candidate: &Candidate, site: &Site) -> Closed {
+    let mut fingers = [None; MAX_FINGERS];
+    for finger in candidate.fingers() {
+        fingers[finger] =
+            Some(close_finger(&scene.surface, &scene.hand, finger, &site.object_from_palm, &site.preshape));
+    }
     Closed { fingers }
 }
 
-/// Tries one grasp: `candidate` (number `index`) with the palm at `site`.
+/// Tries one grasp: `candidate` (number `index` of the hand's) with the palm at `site`.
 ///
 /// Errors with the first check that failed, in the order of [`Rejection`].
 pub fn attempt(
@@ -173,94 +204,162 @@ pub fn attempt(
     site: &Site,
     scratch: &mut AttemptScratch,
 ) -> Result<Grasp, Rejection> {
+    // Cheapest first: what already stands in the way needs no arm and no fingers.
+    palm_clear(scene, &site.object_from_palm)?;
     if !reachable(scene, site) {
         return Err(Rejection::Unreachable);
     }
-    let closed = close_hand(scene, site, scratch);
-    let mut grasp = HandAngles {
-        thumb_rotation_rad: candidate.thumb_rotation_rad,
-        fingers: candidate.abduction_rad.map(open_finger),
-    };
-    for finger in FingerId::ALL {
-        match closed.fingers[finger.index()] {
-            None => {}
-            Some(Closing::Touches(touch)) => grasp.fingers[finger.index()] = touch.angles,
-            Some(Closing::Misses) => return Err(Rejection::FingerMisses),
+    let closed = close_hand(scene, candidate, site);
+    let mut grasp = site.preshape.start;
+    for finger in candidate.fingers() {
+        match closed.fingers[finger] {
+            Some(Closing::Touches(touch)) => {
+                take_finger(&scene.hand, finger, &site.preshape.with_finger_at(touch.u), &mut grasp)
+            }
+            Some(Closing::Misses) | None => return Err(Rejection::FingerMisses),
             Some(Closing::StartsInside) => return Err(Rejection::FingerInObject),
         }
     }
-    let on_rubber = |touch: &Touch| match touch.link {
-        Link::Tip => touch.pad_cosine >= TIP_COSINE_MIN,
-        Link::Distal => touch.pad_cosine >= PAD_COSINE_MIN,
-        Link::Proximal | Link::Middle => false,
-    };
     if !closed.touches().all(|(_, touch)| on_rubber(&touch)) {
         return Err(Rejection::NotOnPad);
     }
-    let torsional_m = match candidate.contact {
-        ContactKind::Hard => 0.0,
-        ContactKind::Soft => SOFT_TIP_TORSION_M,
-    };
-    let contacts = closed
-        .touches()
-        .map(|(finger, touch)| {
-            // Only a friction coefficient that is no number gets here: points and normals are finite.
-            let contact = contact(scene, &touch, torsional_m).map_err(|_| Rejection::Undecided)?;
-            Ok(GraspContact { finger, link: touch.link, contact })
-        })
-        .collect::<Result<Vec<_>, Rejection>>()?;
-    scratch.contacts.clear();
-    scratch.contacts.extend(contacts.iter().map(|c| c.contact));
-    let closure = evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
-    let quality = match (closure.quality(), closure) {
-        (Some(quality), _) => *quality,
-        (None, Closure::None(_)) => return Err(Rejection::NoForceClosure),
-        (None, _) => return Err(Rejection::Undecided),
-    };
-    let pregrasp = open_up(scene, candidate, site, &closed, &mut grasp, scratch)?;
+    let torsional_m = torsion(candidate);
+    scratch.touches.clear();
+    for (finger, touch) in closed.touches() {
+        let contact = contact_at(scene, &touch.point_in_object, &touch.inward_normal_in_object, torsional_m)?;
+        scratch.touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
+    }
+    let quality = measure(scene, scratch)?;
+    let pregrasp = open_up(scene, candidate, site, &closed, &mut grasp)?;
     Ok(Grasp {
         candidate: index,
-        site: site.clone(),
+        site: *site,
         pregrasp,
         grasp,
-        contacts,
+        contacts: scratch.touches.clone(),
         quality,
-        expected_epsilon: None,
+        robustness: None,
     })
 }
 
+/// Whether palm and arm could be at a site at all; what fingers do there is another question.
+#[must_use]
+pub fn is_open_to(scene: &Scene, site: &Site) -> bool {
+    palm_clear(scene, &site.object_from_palm).is_ok() && reachable(scene, site)
+}
+
+/// Epsilon of the contacts that the hand makes at `site` when friction and surface are not as planned; `None` where a
+/// finger does not touch with its rubber or the contacts do not close.
+pub(super) fn quality_with_errors(
+    scene: &Scene,
+    candidate: &Candidate,
+    site: &Site,
+    errors: &Errors,
+    scratch: &mut AttemptScratch,
+) -> Option<f64> {
+    let closed = close_hand(scene, candidate, site);
+    let torsional_m = torsion(candidate);
+    scratch.contacts.clear();
+    for finger in candidate.fingers() {
+        let Some(Closing::Touches(touch)) = closed.fingers[finger] else { return None };
+        if !on_rubber(&touch) {
+            return None;
+        }
+        let is_seen = scene.seen.as_ref().is_none_or(|seen| seen.is_seen(&touch.point_in_object));
+        let (point, normal) =
+            errors.moved(finger, &touch.point_in_object, &touch.inward_normal_in_object, is_seen);
+        let contact = Contact::new(point, normal.into_inner(), scene.friction * errors.friction)
+            .and_then(|contact| contact.with_torsion(torsional_m));
+        scratch.contacts.push(contact.ok()?);
+    }
+    let closure = evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
+    closure.quality().map(Quality::epsilon)
+}
+
+/// Whether a finger touches with what is made for it.
+fn on_rubber(touch: &Touch) -> bool {
+    match touch.part {
+        Part::Tip => touch.pad_cosine >= TIP_COSINE_MIN,
+        Part::Distal => touch.pad_cosine >= PAD_COSINE_MIN,
+        Part::Inner => false,
+    }
+}
+
+fn torsion(candidate: &Candidate) -> f64 {
+    match candidate.contact {
+        ContactKind::Hard => 0.0,
+        ContactKind::Soft => SOFT_TIP_TORSION_M,
+    }
+}
+
+/// Takes over the joints of one finger, held ones left out.
+fn take_finger(hand: &Hand, finger: usize, from: &Posture, onto: &mut Posture) {
+    for &joint in hand.fingers[finger].joints() {
+        if !hand.joints[joint].is_held {
+            onto[joint] = from[joint];
+        }
+    }
+}
+
+/// Quality of the contacts in `scratch`.
+fn measure(scene: &Scene, scratch: &mut AttemptScratch) -> Result<Quality, Rejection> {
+    scratch.contacts.clear();
+    scratch.contacts.extend(scratch.touches.iter().map(|touch| touch.contact));
+    let closure = evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
+    match (closure.quality(), closure) {
+        (Some(quality), _) => Ok(*quality),
+        (None, Closure::None(_)) => Err(Rejection::NoForceClosure),
+        (None, _) => Err(Rejection::Undecided),
+    }
+}
+
 /// Finds the posture for the way to the object: tips standing off their contacts as far as there is room, fingers that
-/// are not used stretched or, where that is in the way, curled (in `grasp` too). Errors with the last obstacle.
+/// are not used stretched or, where that is in the way, folded (in `grasp` too). Errors with the last obstacle.
 fn open_up(
     scene: &Scene,
     candidate: &Candidate,
     site: &Site,
     closed: &Closed,
-    grasp: &mut HandAngles<f64>,
-    scratch: &mut AttemptScratch,
-) -> Result<HandAngles<f64>, Rejection> {
+    grasp: &mut Posture,
+) -> Result<Posture, Rejection> {
     let mut obstacle = Rejection::FingerHitsObject;
-    for idle in [open_finger(0.0), curled_finger(scene)] {
-        for finger in FingerId::ALL.into_iter().filter(|f| !candidate.uses[f.index()]) {
-            grasp.fingers[finger.index()] = idle;
-        }
-        if !clear_of_table(scene, &site.object_from_palm, grasp, &mut scratch.centers) {
-            obstacle = Rejection::HitsTable;
-            continue;
-        }
-        if fingers_collide(scene, grasp, scratch) {
-            obstacle = Rejection::FingersCollide;
-            continue;
-        }
-        for stand_off_m in STAND_OFF_M {
-            let Some(pregrasp) = stand_off(scene, site, closed, grasp, stand_off_m) else { continue };
-            match free_approach(scene, site, &pregrasp, scratch) {
-                Ok(()) => return Ok(pregrasp),
-                Err(reason) => obstacle = reason,
+    for is_folded in [false, true] {
+        for finger in (0..scene.hand.fingers.len()).filter(|&f| !candidate.uses[f]) {
+            take_finger(&scene.hand, finger, &candidate.open, grasp);
+            if is_folded {
+                fold(&scene.hand, finger, grasp);
             }
+        }
+        if !hand_clear_of_table(scene, &site.object_from_palm, grasp) {
+            obstacle = Rejection::HitsTable;
+        } else if fingers_collide(scene, grasp) {
+            obstacle = Rejection::FingersCollide;
+        } else {
+            for stand_off_m in STAND_OFF_M {
+                let Some(pregrasp) = stand_off(scene, site, closed, grasp, stand_off_m) else { continue };
+                match free_approach(scene, site, &pregrasp) {
+                    Ok(()) => return Ok(pregrasp),
+                    Err(reason) => obstacle = reason,
+                }
+            }
+        }
+        if candidate.finger_count() == scene.hand.fingers.len() {
+            break;
         }
     }
     Err(obstacle)
+}
+
+/// Folds a finger out of the way: its closing joints to where they end.
+fn fold(hand: &Hand, finger: usize, onto: &mut Posture) {
+    for &joint in hand.fingers[finger].joints() {
+        let limits = &hand.joints[joint];
+        match limits.flexes {
+            Some(true) if !limits.is_held => onto[joint] = limits.upper_rad,
+            Some(false) if !limits.is_held => onto[joint] = limits.lower_rad,
+            _ => {}
+        }
+    }
 }
 
 /// The grasp with every touching tip drawn back from its contact along the normal; `None` when a finger's limits do not
@@ -269,35 +368,35 @@ fn stand_off(
     scene: &Scene,
     site: &Site,
     closed: &Closed,
-    grasp: &HandAngles<f64>,
+    grasp: &Posture,
     stand_off_m: f64,
-) -> Option<HandAngles<f64>> {
-    let model = &scene.hand.model;
+) -> Option<Posture> {
     let mut opened = *grasp;
     for (finger, touch) in closed.touches() {
-        let object_from_base =
-            site.object_from_palm * scene.hand.palm_from_finger_base(finger, grasp.thumb_rotation_rad);
-        let back = object_from_base
+        let chain = &scene.hand.fingers[finger];
+        let back = site
+            .object_from_palm
             .inverse_transform_vector(&(-stand_off_m * touch.inward_normal_in_object.into_inner()));
-        let tip_in_base = tip(&model.finger, &FingerTrig::new(&touch.angles, f64::sin_cos)) + back;
-        match inverse_angles(&model.finger, &model.soft_limits, finger, &tip_in_base, f64::atan2) {
-            FingerInverse::Reached(angles) => opened.fingers[finger.index()] = angles,
-            _ => return None,
-        }
+        let tip = chain.tip_in_palm(&chain.frames(grasp)) + back;
+        let found = scene.hand.finger_inverse(finger, &tip, grasp)?;
+        take_finger(&scene.hand, finger, &found, &mut opened);
     }
     Some(opened)
 }
 
-fn contact(scene: &Scene, touch: &Touch, torsional_m: f64) -> Result<Contact, ContactError> {
-    Contact::new(touch.point_in_object, touch.inward_normal_in_object.into_inner(), scene.friction)?
-        .with_torsion(torsional_m)?
-        .with_max_force(scene.hand.model.drive.tip_force_max_n)
-}
-
-/// A finger folded against the palm.
-fn curled_finger(scene: &Scene) -> FingerAngles<f64> {
-    let [flexion_rad, middle_rad] = scene.hand.flexion_limit_rad();
-    FingerAngles { abduction_rad: 0.0, flexion_rad, middle_rad }
+fn contact_at(
+    scene: &Scene,
+    point_in_object: &Point3<f64>,
+    inward_normal_in_object: &Unit<Vector3<f64>>,
+    torsional_m: f64,
+) -> Result<Contact, Rejection> {
+    let contact = || -> Result<Contact, ContactError> {
+        Contact::new(*point_in_object, inward_normal_in_object.into_inner(), scene.friction)?
+            .with_torsion(torsional_m)?
+            .with_max_force(scene.hand.tip_force_max_n)
+    };
+    // Only a friction coefficient that is no number gets here: points and normals are finite.
+    contact().map_err(|_| Rejection::Undecided)
 }
 
 /// Poses of the palm in the base frame at the approach site (behind the grasp site along the straight last way), the
@@ -319,105 +418,4 @@ fn reachable(scene: &Scene, site: &Site) -> bool {
     palm_sites(scene, site).iter().all(|base_from_palm| {
         matches!(arm.palm_solutions_near(base_from_palm, &[0.0; 6]), Inverse::Solutions(_))
     })
-}
-
-/// Checks palm and open fingers at the grasp site and along the straight line from the approach site.
-fn free_approach(
-    scene: &Scene,
-    site: &Site,
-    open: &HandAngles<f64>,
-    scratch: &mut AttemptScratch,
-) -> Result<(), Rejection> {
-    let back = -site.direction_in_object.into_inner();
-    // The table is below the grasp site or below nothing: both ends of the way stand for all of it.
-    for back_m in [0.0, scene.approach_m] {
-        let object_from_palm = Translation3::from(back * back_m) * site.object_from_palm;
-        if !clear_of_table(scene, &object_from_palm, open, &mut scratch.centers) {
-            return Err(Rejection::HitsTable);
-        }
-    }
-    // The palm is thick: stations a third of a fingertip's diameter apart miss nothing that it could hit.
-    let spacing_m = scene.hand.model.finger.tip_radius_m * 2.0 / 3.0;
-    let stations = (scene.approach_m / spacing_m).ceil() as usize;
-    for station in 0..=stations {
-        let back_m = scene.approach_m * station as f64 / stations as f64;
-        let object_from_box =
-            Translation3::from(back * back_m) * site.object_from_palm * scene.hand.palm_from_box;
-        let inside = || {
-            let middle = Point3::from(object_from_box.translation.vector);
-            scene.surface.nearest(&middle).signed_distance_m < 0.0
-        };
-        if scene.surface.cuts_box(&object_from_box, &scene.hand.palm_half_extents_m) || inside() {
-            return Err(Rejection::PalmHitsObject);
-        }
-    }
-    for finger in FingerId::ALL {
-        let base = site.object_from_palm * scene.hand.palm_from_finger_base(finger, open.thumb_rotation_rad);
-        scene.hand.bead_centers(&open.fingers[finger.index()], &mut scratch.centers);
-        for (bead, center) in scene.hand.beads().iter().zip(&scratch.centers) {
-            // Sphere tracing: the bead may move back by its own clearance before it needs another look.
-            let start = base * center;
-            let mut back_m = 0.0;
-            while back_m <= scene.approach_m {
-                let clearance_m =
-                    scene.surface.nearest(&(start + back * back_m)).signed_distance_m - bead.radius_m;
-                if clearance_m <= 0.0 {
-                    return Err(Rejection::FingerHitsObject);
-                }
-                back_m += clearance_m.max(TRACE_STEP_MIN_M);
-            }
-        }
-    }
-    Ok(())
-}
-
-/// Whether palm and fingers stay above the table; true without a table.
-fn clear_of_table(
-    scene: &Scene,
-    object_from_palm: &Isometry3<f64>,
-    angles: &HandAngles<f64>,
-    centers: &mut Vec<Point3<f64>>,
-) -> bool {
-    let Some(table_height_m) = scene.table_height_m else { return true };
-    let base_from_palm = scene.base_from_object * object_from_palm;
-    let base_from_box = base_from_palm * scene.hand.palm_from_box;
-    let half = scene.hand.palm_half_extents_m;
-    let up_in_box = base_from_box.inverse_transform_vector(&Vector3::z());
-    let lowest_m = base_from_box.translation.z - half.dot(&up_in_box.abs());
-    if lowest_m < table_height_m + TABLE_CLEARANCE_M {
-        return false;
-    }
-    FingerId::ALL.into_iter().all(|finger| {
-        let base = base_from_palm * scene.hand.palm_from_finger_base(finger, angles.thumb_rotation_rad);
-        scene.hand.bead_centers(&angles.fingers[finger.index()], centers);
-        scene
-            .hand
-            .beads()
-            .iter()
-            .zip(centers.iter())
-            .all(|(bead, center)| (base * center).z - bead.radius_m >= table_height_m + TABLE_CLEARANCE_M)
-    })
-}
-
-/// Whether beads of two different fingers overlap by more than the tolerance.
-fn fingers_collide(scene: &Scene, angles: &HandAngles<f64>, scratch: &mut AttemptScratch) -> bool {
-    let beads = scene.hand.beads();
-    for (i, first) in FingerId::ALL.into_iter().enumerate() {
-        let first_base = scene.hand.palm_from_finger_base(first, angles.thumb_rotation_rad);
-        scene.hand.bead_centers(&angles.fingers[first.index()], &mut scratch.centers);
-        scratch.centers.iter_mut().for_each(|c| *c = first_base * *c);
-        for second in FingerId::ALL.into_iter().skip(i + 1) {
-            let second_base = scene.hand.palm_from_finger_base(second, angles.thumb_rotation_rad);
-            scene.hand.bead_centers(&angles.fingers[second.index()], &mut scratch.other_centers);
-            for (bead, center) in beads.iter().zip(&scratch.centers) {
-                for (other_bead, other) in beads.iter().zip(&scratch.other_centers) {
-                    let least_m = bead.radius_m + other_bead.radius_m - SELF_OVERLAP_M;
-                    if (center - second_base * other).norm_squared() < least_m * least_m {
-                        return true;
-                    }
-                }
-            }
-        }
-    }
-    false
 }

@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use hand_model::{HandAngles, HandModel};
+use hand_model::HandAngles;
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use protocol::ids::JointId;
 use serde::{Deserialize, Serialize};
@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::motion::ArmMotion;
+use crate::hand::Hand;
 use crate::surface::Mesh;
 
 /// First field of every plan document.
@@ -77,14 +78,16 @@ impl Pose {
 /// Joint angles by joint name, rad.
 pub type Posture = BTreeMap<String, f64>;
 
-/// A posture of the hand by joint name.
+/// A posture of a hand by joint name.
 #[must_use]
-pub fn posture(angles: &HandAngles<f64>) -> Posture {
-    JointId::ALL
-        .iter()
-        .zip(angles.to_array())
-        .map(|(joint, angle)| (joint.name().to_owned(), angle))
-        .collect()
+pub fn posture(hand: &Hand, posture: &crate::hand::Posture) -> Posture {
+    hand.joints.iter().enumerate().map(|(i, joint)| (joint.name.clone(), posture[i])).collect()
+}
+
+/// A posture of the built-in hand by joint name.
+#[must_use]
+pub fn named(angles: &HandAngles<f64>) -> Posture {
+    JointId::ALL.iter().zip(angles.to_array()).map(|(j, angle)| (j.name().to_owned(), angle)).collect()
 }
 
 /// Reads a posture back; `name` is for the error.
@@ -287,12 +290,6 @@ pub fn mesh_hash(mesh: &Mesh) -> String {
         face.iter().for_each(|i| hash.update(i.to_le_bytes()));
     }
     hex(&hash.finalize())
-}
-
-/// SHA-256 over a hand's parameters, as they print in full precision.
-#[must_use]
-pub fn hand_hash(hand: &HandModel<f64>) -> String {
-    hex(&Sha256::digest(format!("{hand:?}").as_bytes()))
 }
 
 fn hex(bytes: &[u8]) -> String {

@@ -3,18 +3,20 @@
 //! A [`scene::Scene`] holds what is fixed. A search ([`paper`] or [`best`]) proposes sites; [`settle`] moves the palm
 //! until the fingers touch together; [`attempt`] checks reach and collisions, closes the fingers ([`closing`]) and
 //! evaluates the contacts.
+pub mod approach;
 pub mod arm;
 pub mod attempt;
 pub mod best;
-pub mod candidates;
 pub mod closing;
 pub mod document;
-pub mod hand_body;
 pub mod motion;
 pub mod paper;
 pub mod preshape;
+mod propose;
+pub mod samples;
 pub mod scene;
 pub mod search;
+pub mod seen;
 pub mod settle;
 pub mod surface_query;
 pub mod timing;

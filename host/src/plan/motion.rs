@@ -100,8 +100,8 @@ pub fn arm_motion(scene: &Scene, arm: &Arm, site: &Site, object_kg: f64) -> Resu
 }
 
 fn load_limits(scene: &Scene, arm: &Arm, object_kg: f64) -> Result<MotionLimits, MotionError> {
-    let hand_kg = scene.hand.model.palm_mass_kg + 4.0 * scene.hand.finger_mass_kg() + SCANNER_KG;
-    let object_at = Point3::new(0.0, 0.0, scene.hand.model.grasp_centre_in_palm.z);
+    let hand_kg = scene.hand.mass_kg + SCANNER_KG;
+    let object_at = Point3::new(0.0, 0.0, scene.hand.grasp_center_in_palm.z);
     let mass_kg = hand_kg + object_kg;
     let center =
         (Point3::new(0.0, 0.0, LOAD_CENTER_M).coords * hand_kg + object_at.coords * object_kg) / mass_kg;
@@ -123,8 +123,7 @@ fn load_limits(scene: &Scene, arm: &Arm, object_kg: f64) -> Result<MotionLimits,
 fn links_collide(scene: &Scene, arm: &Arm, q: &Joints) -> bool {
     let frames = arm.link_frames(q);
     let object_from_base = scene.base_from_object.inverse();
-    let palm = arm.base_from_palm(q) * scene.hand.palm_from_box;
-    let palm_radius_m = scene.hand.palm_half_extents_m.x.min(scene.hand.palm_half_extents_m.y);
+    let base_from_palm = arm.base_from_palm(q);
     arm.link_capsules().iter().any(|capsule| {
         let ends = match capsule.link.checked_sub(1) {
             Some(frame) => [frames[frame] * capsule.from, frames[frame] * capsule.to],
@@ -133,10 +132,13 @@ fn links_collide(scene: &Scene, arm: &Arm, q: &Joints) -> bool {
         let lowest_m = ends[0].z.min(ends[1].z) - capsule.radius_m;
         let on_table = capsule.link > 0
             && scene.table_height_m.is_some_and(|table| lowest_m < table + TABLE_CLEARANCE_M);
-        // The palm as a ball about the middle of its box: small enough to let no pose that is free be refused.
+        // The palm as balls about the middles of its boxes: small enough to let no pose that is free be refused.
         let near_palm = capsule.link < FIRST_WRIST_LINK
-            && distance_to_segment_m(&Point3::from(palm.translation.vector), &ends)
-                < capsule.radius_m + palm_radius_m;
+            && scene.hand.palm.iter().any(|part| {
+                let middle = base_from_palm * part.palm_from_box.translation.vector;
+                let radius_m = part.half_extents_m.min();
+                distance_to_segment_m(&Point3::from(middle), &ends) < capsule.radius_m + radius_m
+            });
         on_table
             || near_palm
             || scene.surface.cuts_capsule(&ends.map(|p| object_from_base * p), capsule.radius_m)

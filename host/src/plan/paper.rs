@@ -8,7 +8,6 @@
 use nalgebra::{Matrix3, Point3, Unit, UnitQuaternion, Vector3};
 use rand::RngExt;
 
-use super::candidates::{Candidate, typical};
 use super::scene::Scene;
 use super::search::{Proposal, SearchResult, SearchSettings, Tried, attempt_rng, perturbed, record, try_all};
 use super::settle::Approach;
@@ -26,7 +25,7 @@ const SITES_KEPT: usize = 8;
 /// Runs the search. `progress` is told the number of attempts so far.
 #[must_use]
 pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)) -> SearchResult {
-    let candidates = typical();
+    let candidates = &scene.preshapes;
     let mut result = SearchResult::empty();
     let mut sites: Vec<Tried> = Vec::new();
 
@@ -39,10 +38,11 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
                 candidate,
                 approach: *approach,
                 target_in_object: *target,
+                width_m: None,
             })
             .collect();
         for batch in proposals.chunks(BATCH) {
-            let tried = try_all(scene, &candidates, batch);
+            let tried = try_all(scene, candidates, batch);
             let stop = record(&mut result, &tried, settings, true, progress);
             if stop {
                 result.rank();
@@ -54,7 +54,7 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
             break;
         }
     }
-    refine(scene, &candidates, settings, sites, &mut result, progress);
+    refine(scene, settings, sites, &mut result, progress);
     result.rank();
     result
 }
@@ -62,7 +62,6 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
 /// Second stage: small random motions about the best sites.
 fn refine(
     scene: &Scene,
-    candidates: &[Candidate],
     settings: &SearchSettings,
     mut sites: Vec<Tried>,
     result: &mut SearchResult,
@@ -86,7 +85,7 @@ fn refine(
                 Proposal::At { candidate: from.candidate, site: Box::new(site) }
             })
             .collect();
-        let tried = try_all(scene, candidates, &proposals);
+        let tried = try_all(scene, &scene.preshapes, &proposals);
         if record(result, &tried, settings, true, progress) {
             return;
         }

@@ -1,12 +1,20 @@
 //! Everything that a grasp attempt is tried against: object, table, arm, hand, friction.
 
-use nalgebra::{Isometry3, Point3};
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry3, Point3, Vector3};
+use rayon::prelude::*;
 use thiserror::Error;
 
+use super::approach::{BeadPair, bead_pairs};
 use super::arm::Arm;
-use super::hand_body::HandBody;
+use super::preshape::PreshapeTable;
+use super::samples::SurfaceSampler;
+use super::seen::SeenSurface;
 use super::surface_query::{SurfaceQuery, SurfaceQueryError};
 use crate::grasp::{Settings as QualitySettings, WrenchReference, WrenchReferenceError};
+use crate::hand::Hand;
+use crate::hand::finger::FingerError;
 use crate::surface::Mesh;
 
 /// Clearance that hand and fingers keep from the table, metres: above the arm's error, below what low objects need.
@@ -18,6 +26,10 @@ pub struct Scene {
     pub surface: SurfaceQuery,
     /// The mesh behind it, object frame.
     pub mesh: Mesh,
+    /// Draws points of the mesh.
+    pub sampler: SurfaceSampler,
+    /// What of the surface was measured; `None` when all of it counts as known.
+    pub seen: Option<SeenSurface>,
     /// Centre of mass, object frame: of the enclosed solid, or of the surface's area when the mesh is open.
     pub center_of_mass: Point3<f64>,
     /// Centre and scale of torques: the scale is the largest distance of a vertex from the centre of mass (GraspIt's
@@ -30,7 +42,11 @@ pub struct Scene {
     /// The arm, or `None` to plan for the hand alone.
     pub arm: Option<Arm>,
     /// The hand's kinematics and its bodies.
-    pub hand: HandBody,
+    pub hand: Hand,
+    /// Preshapes of the hand's candidates, in their order.
+    pub preshapes: Vec<PreshapeTable>,
+    /// Beads of different fingers that must not overlap.
+    pub bead_pairs: Vec<BeadPair>,
     /// Coulomb friction coefficient between tips and object.
     pub friction: f64,
     /// Convention and tolerance of the metric.
@@ -39,6 +55,8 @@ pub struct Scene {
     pub approach_m: f64,
     /// How far the object is to be lifted, metres.
     pub lift_m: f64,
+    /// Some hundred vertices that reach farthest, object frame: how far the object extends is read off them.
+    extremes_in_object: Vec<Point3<f64>>,
 }
 
 /// Why there is no scene.
@@ -50,6 +68,9 @@ pub enum SceneError {
     /// Its vertices coincide or are too large.
     #[error(transparent)]
     Wrench(#[from] WrenchReferenceError),
+    /// The built-in hand's parameters make no hand.
+    #[error(transparent)]
+    Hand(#[from] FingerError),
 }
 
 impl Scene {
@@ -62,15 +83,21 @@ impl Scene {
         arm: Option<Arm>,
     ) -> Result<Self, SceneError> {
         let center_of_mass = mesh.bulk().center_of_mass;
+        let hand = Hand::hit_dlr()?;
         Ok(Self {
+            extremes_in_object: extremes(mesh.vertices()),
+            preshapes: tables(&hand),
+            bead_pairs: bead_pairs(&hand),
             surface: SurfaceQuery::new(&mesh)?,
+            sampler: SurfaceSampler::new(&mesh),
+            seen: None,
             wrench_reference: WrenchReference::of_object(center_of_mass, mesh.vertices())?,
             mesh,
             center_of_mass,
             base_from_object,
             table_height_m,
             arm,
-            hand: HandBody::hit_dlr(),
+            hand,
             friction: 0.4,
             // Round grasps take thousands of facets for a millionth; the ranking does not need more than a thousandth.
             quality: QualitySettings { tolerance: 1e-3, ..QualitySettings::default() },
@@ -78,4 +105,39 @@ impl Scene {
             lift_m: 0.10,
         })
     }
+    /// The same scene with another hand.
+    #[must_use]
+    pub fn with_hand(self, hand: Hand) -> Self {
+        Self { preshapes: tables(&hand), bead_pairs: bead_pairs(&hand), hand, ..self }
+    }
+
+    /// How far the object reaches from `from` along a unit direction, metres, object frame; not below 0. Exact for
+    /// bodies with few corners, at most a few hundredths of its size too small for round ones.
+    #[must_use]
+    pub fn extent_m(&self, from: &Point3<f64>, direction: &Vector3<f64>) -> f64 {
+        self.extremes_in_object.iter().map(|p| (p - from).dot(direction)).fold(0.0, f64::max)
+    }
+}
+
+fn tables(hand: &Hand) -> Vec<PreshapeTable> {
+    hand.candidates.iter().cloned().enumerate().map(|(i, c)| PreshapeTable::new(i, c)).collect()
+}
+
+/// Directions in which the farthest vertices are kept: half a turn of this many steps of a spiral on the sphere.
+const EXTREME_DIRECTIONS: usize = 256;
+
+/// The farthest vertices in directions spread evenly over the sphere (a Fibonacci spiral), each once.
+fn extremes(vertices: &[Point3<f64>]) -> Vec<Point3<f64>> {
+    let golden_rad = PI * (3.0 - 5f64.sqrt());
+    let farthest = |k: usize| {
+        let z = 1.0 - (2 * k + 1) as f64 / EXTREME_DIRECTIONS as f64;
+        let (sin, cos) = (golden_rad * k as f64).sin_cos();
+        let direction = Vector3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + Vector3::z() * z;
+        let along = |p: &Point3<f64>| p.coords.dot(&direction);
+        (0..vertices.len()).reduce(|a, b| if along(&vertices[b]) > along(&vertices[a]) { b } else { a })
+    };
+    let mut indices: Vec<usize> = (0..EXTREME_DIRECTIONS).into_par_iter().filter_map(farthest).collect();
+    indices.sort_unstable();
+    indices.dedup();
+    indices.into_iter().map(|i| vertices[i]).collect()
 }

@@ -8,7 +8,8 @@ use rand_distr::StandardNormal;
 use rayon::prelude::*;
 
 use super::attempt::{AttemptScratch, Grasp, Rejection, attempt};
-use super::candidates::Candidate;
+use super::preshape::PreshapeTable;
+use super::propose::propose;
 use super::scene::Scene;
 use super::settle::{Approach, Site, settle};
 
@@ -21,11 +22,13 @@ pub struct SearchSettings {
     pub threshold: f64,
     /// Seed of every random choice.
     pub seed: u64,
+    /// How many grasps are wanted in the order of their robustness, at least.
+    pub ranked: usize,
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { attempts: 300, threshold: 0.2, seed: 1 }
+        Self { attempts: 300, threshold: 0.2, seed: 1, ranked: 10 }
     }
 }
 
@@ -82,18 +85,27 @@ impl SearchResult {
 pub enum Proposal {
     /// Settle first, over this point of the object.
     Settle {
-        /// Index of the candidate.
+        /// Index of the candidate's preshapes.
         candidate: usize,
         /// From where.
         approach: Approach,
         /// The point that the contacts are to lie around, object frame.
         target_in_object: Point3<f64>,
+        /// Thickness between the fingers, metres, where it is known.
+        width_m: Option<f64>,
+    },
+    /// Draw a site where the body can be held.
+    Sampled {
+        /// Index of the candidate's preshapes.
+        candidate: usize,
+        /// Makes the choice. Boxed: it is as large as an approach three times.
+        rng: Box<ChaCha8Rng>,
     },
     /// Try just here.
     At {
-        /// Index of the candidate.
+        /// Index of the candidate's preshapes.
         candidate: usize,
-        /// Where. Boxed: it is five times the size of an approach.
+        /// Where. Boxed: it is ten times the size of an approach.
         site: Box<Site>,
     },
 }
@@ -101,7 +113,7 @@ pub enum Proposal {
 /// What became of a proposal: the site as tried, object frame, after settling if that was asked for.
 #[derive(Debug, Clone)]
 pub struct Tried {
-    /// Index of the candidate.
+    /// Index of the candidate's preshapes.
     pub candidate: usize,
     /// Where the hand stood.
     pub site: Site,
@@ -111,17 +123,21 @@ pub struct Tried {
 
 /// Tries proposals on all cores. The results are in the order of the proposals whatever the number of threads.
 #[must_use]
-pub fn try_all(scene: &Scene, candidates: &[Candidate], proposals: &[Proposal]) -> Vec<Tried> {
+pub fn try_all(scene: &Scene, tables: &[PreshapeTable], proposals: &[Proposal]) -> Vec<Tried> {
     proposals
         .par_iter()
         .map_init(AttemptScratch::default, |scratch, proposal| {
             let (index, site) = match proposal {
-                Proposal::Settle { candidate, approach, target_in_object } => {
-                    (*candidate, settle(scene, &candidates[*candidate], approach, target_in_object, scratch))
+                Proposal::Settle { candidate, approach, target_in_object, width_m } => {
+                    let table = &tables[*candidate];
+                    (*candidate, settle(scene, table, approach, target_in_object, *width_m))
                 }
-                Proposal::At { candidate, site } => (*candidate, Site::clone(site)),
+                Proposal::Sampled { candidate, rng } => {
+                    (*candidate, propose(scene, &tables[*candidate], &mut ChaCha8Rng::clone(rng)))
+                }
+                Proposal::At { candidate, site } => (*candidate, **site),
             };
-            let outcome = attempt(scene, index, &candidates[index], &site, scratch);
+            let outcome = attempt(scene, tables[index].typical(), tables[index].candidate(), &site, scratch);
             Tried { candidate: index, site, outcome }
         })
         .collect()
@@ -177,6 +193,6 @@ pub fn perturbed(
     Site {
         object_from_palm: motion * site.object_from_palm,
         direction_in_object: Unit::new_normalize(turn * site.direction_in_object.into_inner()),
-        preshape: site.preshape.clone(),
+        preshape: site.preshape,
     }
 }

@@ -2,9 +2,9 @@
 //!
 //! parry's bounding-volume tree answers; this is the only file of the planner that speaks its glam types.
 
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use parry3d_f64::math::{Pose, Rotation, Vector as ParryVector};
-use parry3d_f64::query::{PointQuery, intersection_test};
+use parry3d_f64::query::{PointQuery, Ray, RayCast, intersection_test};
 use parry3d_f64::shape::{Capsule, Cuboid, Shape, TriMesh, TriMeshBuilderError, TriMeshFlags};
 use thiserror::Error;
 
@@ -80,6 +80,19 @@ impl SurfaceQuery {
     pub fn cuts_capsule(&self, ends_in_object: &[Point3<f64>; 2], radius_m: f64) -> bool {
         let [a, b] = ends_in_object.map(|p| to_parry(&p.coords));
         self.cut_by(&Isometry3::identity(), &Capsule::new(a, b, radius_m))
+    }
+
+    /// How far a ray goes until it meets the surface, metres, and the unit normal there, turned against the ray or along
+    /// it as the face is oriented; `None` when it meets nothing.
+    #[must_use]
+    pub fn cast_ray(
+        &self,
+        from_in_object: &Point3<f64>,
+        direction: &Unit<Vector3<f64>>,
+    ) -> Option<(f64, Vector3<f64>)> {
+        let ray = Ray::new(to_parry(&from_in_object.coords), to_parry(direction));
+        let hit = self.trimesh.cast_local_ray_and_get_normal(&ray, f64::MAX, false)?;
+        Some((hit.time_of_impact, Vector3::new(hit.normal.x, hit.normal.y, hit.normal.z)))
     }
 
     fn cut_by(&self, object_from_shape: &Isometry3<f64>, shape: &dyn Shape) -> bool {

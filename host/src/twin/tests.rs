@@ -220,16 +220,16 @@ fn cube_grasp(tip_friction: f64) -> CubeGrasp {
         (FingerId::Index, Vector3::new(-half, 0.02, -0.015), Vector3::x_axis()),
         (FingerId::Middle, Vector3::new(-half, -0.02, -0.015), Vector3::x_axis()),
     ];
-    let contacts = fingers.map(|(finger, place, inward_normal): (_, _, Unit<Vector3<f64>>)| GripContact {
-        finger,
+    let ids = fingers.map(|(finger, ..)| finger);
+    let contacts = fingers.map(|(_, place, inward_normal): (_, _, Unit<Vector3<f64>>)| GripContact {
         point: Point3::from(cube_in_palm + place),
         inward_normal,
     });
-    let angles = |contact: &GripContact, clearance_m: f64| {
+    let angles = |finger: FingerId, contact: &GripContact, clearance_m: f64| {
         let outward = -contact.inward_normal.into_inner() * (model.finger.tip_radius_m + clearance_m);
-        let place = palm_from_base(contact.finger).inverse() * (contact.point + outward);
+        let place = palm_from_base(finger).inverse() * (contact.point + outward);
         let FingerInverse::Reached(angles) =
-            inverse_angles(&model.finger, &model.hard_limits, contact.finger, &place, f64::atan2)
+            inverse_angles(&model.finger, &model.hard_limits, finger, &place, f64::atan2)
         else {
             panic!("{contact:?} is out of reach");
         };
@@ -241,10 +241,11 @@ fn cube_grasp(tip_friction: f64) -> CubeGrasp {
     grasp.fingers[3] = FingerAngles { abduction_rad: 0.0, flexion_rad: -0.05, middle_rad: 1.3 };
     let mut pregrasp = grasp;
     let mut forces = [None; 4];
-    for (contact, force) in contacts.iter().zip(balanced_forces(&contacts, 0.2, 8.0).unwrap()) {
-        grasp.fingers[contact.finger.index()] = angles(contact, 0.0);
-        pregrasp.fingers[contact.finger.index()] = angles(contact, 0.01);
-        forces[contact.finger.index()] = Some(force);
+    let balanced = balanced_forces(&contacts, 0.2, 8.0).unwrap();
+    for ((finger, contact), force) in ids.into_iter().zip(&contacts).zip(balanced) {
+        grasp.fingers[finger.index()] = angles(finger, contact, 0.0);
+        pregrasp.fingers[finger.index()] = angles(finger, contact, 0.01);
+        forces[finger.index()] = Some(force);
     }
     let squeeze = squeeze_targets(&model, &grasp, &forces, &GripStiffness::default());
 

@@ -1,13 +1,11 @@
 //! The picture of a grasp: object, hand, friction cones, table.
 
-use hand_model::HandAngles;
 use image::RgbImage;
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use protocol::ids::FingerId;
 
 use super::raster::{Camera, Color, Triangle, render};
 use crate::grasp::contact::Contact;
-use crate::plan::hand_body::HandBody;
+use crate::hand::{Hand, Posture};
 use crate::surface::Mesh;
 
 const OBJECT: Color = [222, 196, 150];
@@ -26,11 +24,11 @@ pub struct Picture<'a> {
     /// The object, in its own frame.
     pub object: &'a Mesh,
     /// The hand's shape.
-    pub hand: &'a HandBody,
+    pub hand: &'a Hand,
     /// Pose of the palm in the base frame.
     pub base_from_palm: Isometry3<f64>,
     /// Joint angles.
-    pub angles: &'a HandAngles<f64>,
+    pub posture: &'a Posture,
     /// Contacts, object frame, each drawn as its friction cone on the outside of the object.
     pub contacts: &'a [Contact],
     /// Pose of the frame in which object and contacts are given.
@@ -68,21 +66,28 @@ impl Picture<'_> {
     }
 
     fn push_hand(&self, triangles: &mut Vec<Triangle>) {
-        let base_from_box = self.base_from_palm * self.hand.palm_from_box;
-        push_box(triangles, &base_from_box, &self.hand.palm_half_extents_m, PALM);
+        for part in &self.hand.palm {
+            push_box(triangles, &(self.base_from_palm * part.palm_from_box), &part.half_extents_m, PALM);
+        }
         let mut centers = Vec::new();
-        for finger in FingerId::ALL {
-            let base =
-                self.base_from_palm * self.hand.palm_from_finger_base(finger, self.angles.thumb_rotation_rad);
-            self.hand.bead_centers(&self.angles.fingers[finger.index()], &mut centers);
-            let root = base * Point3::origin();
+        for finger in &self.hand.fingers {
+            let frames = finger.frames(self.posture);
+            finger.bead_centers(self.posture, &mut centers);
+            let (Some(first), Some(center)) = (finger.beads().first(), centers.first()) else { continue };
+            let root = Point3::from(frames.palm_from_segment(first.segment).translation.vector);
             // The carrier of the finger, from the palm's nearest point; the models give no shape for it.
-            let in_box = base_from_box.inverse() * root;
-            let half = &self.hand.palm_half_extents_m;
-            let nearest = Point3::from(in_box.coords.zip_map(half, |c, half: f64| c.clamp(-half, half)));
-            push_tube(triangles, &(base_from_box * nearest), &root, self.hand.beads()[0].radius_m, PALM);
-            let joints: Vec<(Point3<f64>, f64)> = std::iter::once((root, self.hand.beads()[0].radius_m))
-                .chain(self.hand.beads().iter().zip(&centers).map(|(bead, c)| (base * c, bead.radius_m)))
+            let carrier = self.hand.palm.iter().map(|part| {
+                let in_box = part.palm_from_box.inverse() * root;
+                let half = &part.half_extents_m;
+                let nearest = in_box.coords.zip_map(half, |c, half: f64| c.clamp(-half, half));
+                part.palm_from_box * Point3::from(nearest)
+            });
+            let nearest =
+                carrier.min_by(|a, b| (a - root).norm().total_cmp(&(b - root).norm())).unwrap_or(*center);
+            let base = self.base_from_palm;
+            push_tube(triangles, &(base * nearest), &(base * root), first.radius_m, PALM);
+            let joints: Vec<(Point3<f64>, f64)> = std::iter::once((base * root, first.radius_m))
+                .chain(finger.beads().iter().zip(&centers).map(|(bead, c)| (base * c, bead.radius_m)))
                 .collect();
             for pair in joints.windows(2) {
                 push_tube(triangles, &pair[0].0, &pair[1].0, pair[0].1 * 0.96, FINGERS);

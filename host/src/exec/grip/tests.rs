@@ -1,19 +1,15 @@
 use super::*;
 
-fn contact(finger: FingerId, point: [f64; 3], normal: [f64; 3]) -> GripContact {
-    GripContact {
-        finger,
-        point: Point3::from(point),
-        inward_normal: Unit::new_normalize(Vector3::from(normal)),
-    }
+fn contact(point: [f64; 3], normal: [f64; 3]) -> GripContact {
+    GripContact { point: Point3::from(point), inward_normal: Unit::new_normalize(Vector3::from(normal)) }
 }
 
 /// Thumb on +x, two fingers on -x of a 50 mm box; the thumb 3 mm off the middle.
 fn box_grip() -> Vec<GripContact> {
     vec![
-        contact(FingerId::Thumb, [0.025, 0.003, 0.001], [-1.0, 0.0, 0.0]),
-        contact(FingerId::Index, [-0.025, 0.02, 0.0], [1.0, 0.0, 0.0]),
-        contact(FingerId::Middle, [-0.025, -0.02, 0.0], [1.0, 0.0, 0.0]),
+        contact([0.025, 0.003, 0.001], [-1.0, 0.0, 0.0]),
+        contact([-0.025, 0.02, 0.0], [1.0, 0.0, 0.0]),
+        contact([-0.025, -0.02, 0.0], [1.0, 0.0, 0.0]),
     ]
 }
 
