@@ -12,7 +12,7 @@ use super::arm::{Arm, Inverse, Joints, LineOutcome, LoadMode, Payload};
 use super::attempt::palm_sites;
 use super::scene::{Scene, TABLE_CLEARANCE_M};
 use super::settle::Site;
-use super::timing::{MotionLimits, PointSpeed, TimingError, time_path};
+use super::timing::{MotionLimits, PointSpeed, Shape, TimingError, time_path};
 use super::trajectory::JointTrajectory;
 
 /// Posture from which configurations are counted as near or far: elbow up, the hand over the cell's working spot, rad.
@@ -21,9 +21,6 @@ const REST_RAD: Joints = [0.0, 0.3, 1.6, 0.0, 1.2, 0.0];
 /// Steps of the straight lines.
 const STEP_M: f64 = 0.002;
 const STEP_RAD: f64 = 0.02;
-
-/// Corners of the joint path are rounded by at most this, rad: some 0.5 mm at the hand.
-const CORNER_RAD: f64 = 0.001;
 
 /// Speed of the palm on the straight last way and on the lift, m/s: what the hand's reflexes can still follow.
 const LINE_SPEED_M_PER_S: f64 = 0.10;
@@ -92,8 +89,8 @@ pub fn arm_motion(scene: &Scene, arm: &Arm, site: &Site, object_kg: f64) -> Resu
         let palm = |q: &Joints| Point3::from(arm.base_from_palm(q).translation.vector);
         let speed = PointSpeed { point: &palm, limit_m_per_s: LINE_SPEED_M_PER_S };
         return Ok(ArmMotion {
-            approach: time_path(&approach, &limits, CORNER_RAD, Some(speed))?,
-            lift: time_path(&lift, &limits, CORNER_RAD, Some(speed))?,
+            approach: time_path(&approach, &limits, Shape::Through, Some(speed))?,
+            lift: time_path(&lift, &limits, Shape::Through, Some(speed))?,
         });
     }
     Err(failure)

@@ -46,6 +46,8 @@ pub struct ArmParams {
     pub speed_rad_per_s: Joints,
     /// Greatest joint accelerations with nominal load, rad/s^2.
     pub acceleration_rad_per_s2: Joints,
+    /// Greatest joint jerks with nominal load, rad/s^3.
+    pub jerk_rad_per_s3: Joints,
     /// Greatest speed of the load in space, m/s.
     pub cartesian_speed_m_per_s: f64,
     /// What the wrist may carry.
@@ -57,6 +59,10 @@ pub struct ArmParams {
 /// Time in which the RX60 is taken to reach full speed. The manual gives no accelerations, so this is an assumption: with
 /// 0.3 s axis 1 speeds up the wrist of the stretched arm (0.6 m) by 10 m/s^2.
 const RX60_RUN_UP_S: f64 = 0.3;
+
+/// Time in which the RX60 is taken to reach full acceleration. No jerk is published: this is an assumption, of the order
+/// of the controllers of such arms, and above a period of their lowest resonance.
+const RX60_JERK_RISE_S: f64 = 0.1;
 
 /// Thickness of the plate between the flange (ISO 9409-1-A31.5) and the hand's wrist plane. An assumption: another
 /// laboratory mounts the same hand without any plate.
@@ -105,8 +111,8 @@ impl OpwGeometry {
 impl ArmParams {
     /// Stäubli RX60.
     ///
-    /// Limits, speeds, payload and wrist torques are the manual's tables; the accelerations are assumed (see
-    /// `RX60_RUN_UP_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
+    /// Limits, speeds, payload and wrist torques are the manual's tables; accelerations and jerks are assumed (see
+    /// `RX60_RUN_UP_S`, `RX60_JERK_RISE_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
     /// may differ.
     #[must_use]
     pub fn rx60() -> Self {
@@ -120,6 +126,7 @@ impl ArmParams {
             },
             speed_rad_per_s,
             acceleration_rad_per_s2: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S),
+            jerk_rad_per_s3: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S / RX60_JERK_RISE_S),
             cartesian_speed_m_per_s: 1.8,
             load: LoadRating::rx60(),
             capsules: rx60_capsules(),
@@ -145,6 +152,7 @@ impl ArmParams {
             ("upper_rad", &self.limits.upper_rad),
             ("speed_rad_per_s", &self.speed_rad_per_s),
             ("acceleration_rad_per_s2", &self.acceleration_rad_per_s2),
+            ("jerk_rad_per_s3", &self.jerk_rad_per_s3),
         ];
         let axes = per_axis.iter().flat_map(|(name, values)| values.iter().map(|&v| (*name, v)));
         if let Some((name, value)) = lengths.into_iter().chain(axes).find(|(_, v)| !v.is_finite()) {
@@ -154,7 +162,8 @@ impl ArmParams {
             .into_iter()
             .chain([("cartesian_speed_m_per_s", self.cartesian_speed_m_per_s)])
             .chain(self.speed_rad_per_s.map(|v| ("speed_rad_per_s", v)))
-            .chain(self.acceleration_rad_per_s2.map(|v| ("acceleration_rad_per_s2", v)));
+            .chain(self.acceleration_rad_per_s2.map(|v| ("acceleration_rad_per_s2", v)))
+            .chain(self.jerk_rad_per_s3.map(|v| ("jerk_rad_per_s3", v)));
         if let Some((name, value)) = positive.into_iter().find(|(_, v)| *v <= 0.0) {
             return Err(ArmError::NotPositive { name, value });
         }
