@@ -4,7 +4,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::{ArmError, JointLimits, Joints, LinkCapsule, load::LoadRating};
+use super::{ArmError, JointLimits, Joints, LimitCheck, LinkCapsule, load::LoadRating};
 
 /// Lengths and angle conventions of an ortho-parallel arm with a spherical wrist.
 ///
@@ -52,6 +52,8 @@ pub struct ArmParams {
     pub cartesian_speed_m_per_s: f64,
     /// What the wrist may carry.
     pub load: LoadRating,
+    /// Where the arm waits: the hand high, so that it comes to objects from above, joint angles.
+    pub rest_rad: Joints,
     /// Bodies for collision checks.
     pub capsules: Vec<LinkCapsule>,
 }
@@ -63,6 +65,10 @@ const RX60_RUN_UP_S: f64 = 0.3;
 /// Time in which the RX60 is taken to reach full acceleration. No jerk is published: this is an assumption, of the order
 /// of the controllers of such arms, and above a period of their lowest resonance.
 const RX60_JERK_RISE_S: f64 = 0.1;
+
+/// Angles of the formulas at rest: the upper arm leans back a little, the forearm reaches forward, and the hand hangs
+/// over the working space, leaning out. On the RX60 the stretched fingers then end 0.4 m above the table.
+pub(super) const REST_THETA: Joints = [0.0, -0.12, 1.3, 0.0, 1.6, 0.0];
 
 /// Thickness of the plate between the flange (ISO 9409-1-A31.5) and the hand's wrist plane. An assumption: another
 /// laboratory mounts the same hand without any plate.
@@ -129,6 +135,7 @@ impl ArmParams {
             jerk_rad_per_s3: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S / RX60_JERK_RISE_S),
             cartesian_speed_m_per_s: 1.8,
             load: LoadRating::rx60(),
+            rest_rad: REST_THETA,
             capsules: rx60_capsules(),
         }
     }
@@ -153,6 +160,7 @@ impl ArmParams {
             ("speed_rad_per_s", &self.speed_rad_per_s),
             ("acceleration_rad_per_s2", &self.acceleration_rad_per_s2),
             ("jerk_rad_per_s3", &self.jerk_rad_per_s3),
+            ("rest_rad", &self.rest_rad),
         ];
         let axes = per_axis.iter().flat_map(|(name, values)| values.iter().map(|&v| (*name, v)));
         if let Some((name, value)) = lengths.into_iter().chain(axes).find(|(_, v)| !v.is_finite()) {
@@ -174,6 +182,21 @@ impl ArmParams {
             let [lower_rad, upper_rad] = [self.limits.lower_rad[i], self.limits.upper_rad[i]];
             if lower_rad >= upper_rad {
                 return Err(ArmError::Limits { axis: i + 1, lower_rad, upper_rad });
+            }
+        }
+        if let LimitCheck::Outside { axis, .. } = self.limits.check(&self.rest_rad) {
+            return Err(ArmError::Rest { axis, angle_rad: self.rest_rad[axis - 1] });
+        }
+        for capsule in &self.capsules {
+            if capsule.link > 6 {
+                return Err(ArmError::CapsuleLink { link: capsule.link });
+            }
+            let numbers = capsule.from.iter().chain(&capsule.to.coords).chain([&capsule.radius_m]);
+            if let Some(&value) = numbers.into_iter().find(|v| !v.is_finite()) {
+                return Err(ArmError::NotFinite { name: "capsule", value });
+            }
+            if capsule.radius_m <= 0.0 {
+                return Err(ArmError::NotPositive { name: "radius of a capsule", value: capsule.radius_m });
             }
         }
         Ok(())
