@@ -1,7 +1,7 @@
 //! Fingers that arrive together: all joints of a hand from one posture to another in the same time.
 //!
 //! "The object slightly moves by the first arrived finger. When the method of Paul's quartic equation trajectory
-//! interpolation is incorporated into the finger control, the phenomenon occurs rarely" (Wang et al. 2005, section VI).
+//! interpolation is incorporated into the finger control, the phenomenon occurs rarely" (Wang et al. 2005, section V.B).
 //! Every joint follows one law of progress: take-off by Paul's quartic, constant speed, and set-down by the quartic (R. P.
 //! Paul, *Robot Manipulators*, 1981), at rest at both ends and without a step of the acceleration. The slowest joint
 //! decides the time.
