@@ -77,7 +77,7 @@ fn hits_on_way(scene: &Scene, center: &Point3<f64>, radius_m: f64, back: &Vector
     false
 }
 
-fn palm_cuts_object(scene: &Scene, object_from_palm: &Isometry3<f64>) -> bool {
+pub(super) fn palm_cuts_object(scene: &Scene, object_from_palm: &Isometry3<f64>) -> bool {
     scene.hand.palm.iter().any(|part| {
         let object_from_box = object_from_palm * part.palm_from_box;
         let middle = Point3::from(object_from_box.translation.vector);
@@ -89,7 +89,7 @@ fn palm_cuts_object(scene: &Scene, object_from_palm: &Isometry3<f64>) -> bool {
     })
 }
 
-fn palm_clear_of_table(scene: &Scene, base_from_palm: &Isometry3<f64>) -> bool {
+pub(super) fn palm_clear_of_table(scene: &Scene, base_from_palm: &Isometry3<f64>) -> bool {
     let Some(table_height_m) = scene.table_height_m else { return true };
     scene
         .hand

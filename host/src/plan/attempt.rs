@@ -10,6 +10,7 @@ use super::best::rank::Errors;
 use super::closing::{Closing, Touch, close_finger};
 use super::scene::Scene;
 use super::settle::Site;
+use super::wrap::wrap;
 use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate};
 use crate::hand::{Candidate, ContactKind, Hand, MAX_FINGERS, Part, Posture};
 
@@ -194,6 +195,13 @@ pub fn close_hand(scene: &Scene, candidate: &Candidate, site: &Site) -> Closed {
     Closed { fingers }
 }
 
+/// A hand that has closed: where its palm is then, and its joints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seat {
+    pub(super) object_from_palm: Isometry3<f64>,
+    pub(super) posture: Posture,
+}
+
 /// Tries one grasp: `candidate` (number `index` of the hand's) with the palm at `site`.
 ///
 /// Errors with the first check that failed, in the order of [`Rejection`].
@@ -205,16 +213,48 @@ pub fn attempt(
     scratch: &mut AttemptScratch,
 ) -> Result<Grasp, Rejection> {
     // Cheapest first: what already stands in the way needs no arm and no fingers.
-    palm_clear(scene, &site.object_from_palm)?;
+    if !candidate.wraps {
+        palm_clear(scene, &site.object_from_palm)?;
+    }
     if !reachable(scene, site) {
         return Err(Rejection::Unreachable);
     }
-    let closed = close_hand(scene, candidate, site);
-    let mut grasp = site.preshape.start;
+    scratch.touches.clear();
+    let (site, pregrasp, grasp, quality) = if candidate.wraps {
+        let seat = wrap(scene, candidate, site, &mut scratch.touches)?;
+        let site = Site { object_from_palm: seat.object_from_palm, ..*site };
+        let quality = measure(scene, scratch)?;
+        let mut grasp = seat.posture;
+        let open = site.preshape.start;
+        let pregrasp = around(scene, candidate, &site, &open, &mut grasp, &|_| Some(open))?;
+        (site, pregrasp, grasp, quality)
+    } else {
+        let closed = close_hand(scene, candidate, site);
+        let mut grasp = site.preshape.start;
+        touch_with_tips(scene, candidate, site, &closed, &mut grasp, &mut scratch.touches)?;
+        let quality = measure(scene, scratch)?;
+        let fixed = grasp;
+        let stand_off = |stand_off_m| stand_off(scene, site, &closed, &fixed, stand_off_m);
+        let pregrasp = around(scene, candidate, site, &fixed, &mut grasp, &stand_off)?;
+        (*site, pregrasp, grasp, quality)
+    };
+    let contacts = scratch.touches.clone();
+    Ok(Grasp { candidate: index, site, pregrasp, grasp, contacts, quality, robustness: None })
+}
+
+/// Takes the touches of a closed hand, all of which have to be of rubber, and the joint angles of the touching fingers.
+fn touch_with_tips(
+    scene: &Scene,
+    candidate: &Candidate,
+    site: &Site,
+    closed: &Closed,
+    grasp: &mut Posture,
+    touches: &mut Vec<GraspContact>,
+) -> Result<(), Rejection> {
     for finger in candidate.fingers() {
         match closed.fingers[finger] {
             Some(Closing::Touches(touch)) => {
-                take_finger(&scene.hand, finger, &site.preshape.with_finger_at(touch.u), &mut grasp)
+                take_finger(&scene.hand, finger, &site.preshape.with_finger_at(touch.u), grasp);
             }
             Some(Closing::Misses) | None => return Err(Rejection::FingerMisses),
             Some(Closing::StartsInside) => return Err(Rejection::FingerInObject),
@@ -224,28 +264,18 @@ pub fn attempt(
         return Err(Rejection::NotOnPad);
     }
     let torsional_m = torsion(candidate);
-    scratch.touches.clear();
     for (finger, touch) in closed.touches() {
         let contact = contact_at(scene, &touch.point_in_object, &touch.inward_normal_in_object, torsional_m)?;
-        scratch.touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
+        touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
     }
-    let quality = measure(scene, scratch)?;
-    let pregrasp = open_up(scene, candidate, site, &closed, &mut grasp)?;
-    Ok(Grasp {
-        candidate: index,
-        site: *site,
-        pregrasp,
-        grasp,
-        contacts: scratch.touches.clone(),
-        quality,
-        robustness: None,
-    })
+    Ok(())
 }
 
 /// Whether palm and arm could be at a site at all; what fingers do there is another question.
 #[must_use]
-pub fn is_open_to(scene: &Scene, site: &Site) -> bool {
-    palm_clear(scene, &site.object_from_palm).is_ok() && reachable(scene, site)
+pub fn is_open_to(scene: &Scene, candidate: &Candidate, site: &Site) -> bool {
+    // A palm that is to touch is seated later.
+    (candidate.wraps || palm_clear(scene, &site.object_from_palm).is_ok()) && reachable(scene, site)
 }
 
 /// Epsilon of the contacts that the hand makes at `site` when friction and surface are not as planned; `None` where a
@@ -257,9 +287,24 @@ pub(super) fn quality_with_errors(
     errors: &Errors,
     scratch: &mut AttemptScratch,
 ) -> Option<f64> {
+    scratch.contacts.clear();
+    if candidate.wraps {
+        scratch.touches.clear();
+        wrap(scene, candidate, site, &mut scratch.touches).ok()?;
+        for (index, touch) in scratch.touches.iter().enumerate() {
+            let planned = &touch.contact;
+            let point = planned.point_in_object();
+            let is_seen = scene.seen.as_ref().is_none_or(|seen| seen.is_seen(&point));
+            let (point, normal) = errors.moved(index, &point, &planned.inward_normal_in_object(), is_seen);
+            let contact = Contact::new(point, normal.into_inner(), planned.friction() * errors.friction);
+            scratch.contacts.push(contact.ok()?);
+        }
+        let closure =
+            evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
+        return closure.quality().map(Quality::epsilon);
+    }
     let closed = close_hand(scene, candidate, site);
     let torsional_m = torsion(candidate);
-    scratch.contacts.clear();
     for finger in candidate.fingers() {
         let Some(Closing::Touches(touch)) = closed.fingers[finger] else { return None };
         if !on_rubber(&touch) {
@@ -313,18 +358,21 @@ fn measure(scene: &Scene, scratch: &mut AttemptScratch) -> Result<Quality, Rejec
     }
 }
 
-/// Finds the posture for the way to the object: tips standing off their contacts as far as there is room, fingers that
-/// are not used stretched or, where that is in the way, folded (in `grasp` too). Errors with the last obstacle.
-fn open_up(
+/// Finds the posture for the way to the object: used fingers opened by `opened` as far as there is room (it is given one
+/// of [`STAND_OFF_M`] and the joints of the fingers that are not used are put onto what it returns), fingers that are not
+/// used stretched or, where that is in the way, folded (in `grasp` too). Errors with the last obstacle.
+fn around(
     scene: &Scene,
     candidate: &Candidate,
     site: &Site,
-    closed: &Closed,
+    closed: &Posture,
     grasp: &mut Posture,
+    opened: &dyn Fn(f64) -> Option<Posture>,
 ) -> Result<Posture, Rejection> {
     let mut obstacle = Rejection::FingerHitsObject;
+    let idle = || (0..scene.hand.fingers.len()).filter(|&f| !candidate.uses[f]);
     for is_folded in [false, true] {
-        for finger in (0..scene.hand.fingers.len()).filter(|&f| !candidate.uses[f]) {
+        for finger in idle() {
             take_finger(&scene.hand, finger, &candidate.open, grasp);
             if is_folded {
                 fold(&scene.hand, finger, grasp);
@@ -336,14 +384,20 @@ fn open_up(
             obstacle = Rejection::FingersCollide;
         } else {
             for stand_off_m in STAND_OFF_M {
-                let Some(pregrasp) = stand_off(scene, site, closed, grasp, stand_off_m) else { continue };
+                let Some(mut pregrasp) = opened(stand_off_m) else { continue };
+                for finger in idle() {
+                    take_finger(&scene.hand, finger, grasp, &mut pregrasp);
+                }
                 match free_approach(scene, site, &pregrasp) {
                     Ok(()) => return Ok(pregrasp),
                     Err(reason) => obstacle = reason,
                 }
+                if pregrasp == *closed {
+                    break;
+                }
             }
         }
-        if candidate.finger_count() == scene.hand.fingers.len() {
+        if idle().next().is_none() {
             break;
         }
     }

@@ -26,6 +26,8 @@ const SITES_KEPT: usize = 8;
 #[must_use]
 pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)) -> SearchResult {
     let candidates = &scene.preshapes;
+    // Power grasps are the paper's future work.
+    let precise: Vec<usize> = (0..candidates.len()).filter(|&c| !candidates[c].candidate().wraps).collect();
     let mut result = SearchResult::empty();
     let mut sites: Vec<Tried> = Vec::new();
 
@@ -33,7 +35,7 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
         // All candidates in one approach before the next approach: the eight come first, as in the paper.
         let proposals: Vec<Proposal> = stage
             .iter()
-            .flat_map(|(approach, target)| (0..candidates.len()).map(move |c| (c, approach, target)))
+            .flat_map(|(approach, target)| precise.iter().map(move |&c| (c, approach, target)))
             .map(|(candidate, approach, target)| Proposal::Settle {
                 candidate,
                 approach: *approach,
