@@ -145,10 +145,12 @@ fn print(found: &Closure, convention: &Convention, out: &mut dyn Write) -> std::
             writeln!(out, "no force closure: {reason}")?;
             writeln!(out, "nothing is exerted along {} (margin {margin})", numbers(direction.as_slice()))?;
         }
-        Closure::Below(quality) | Closure::Unfinished(quality) if quality.epsilon_low > 0.0 => {
+        Closure::Below(quality) | Closure::Above(quality) | Closure::Unfinished(quality)
+            if quality.epsilon_low > 0.0 =>
+        {
             writeln!(out, "force closure, {}; the search gave up before the tolerance", bracket(quality))?;
         }
-        Closure::Below(quality) | Closure::Unfinished(quality) => {
+        Closure::Below(quality) | Closure::Above(quality) | Closure::Unfinished(quality) => {
             let high = quality.epsilon_high;
             writeln!(out, "undecided: epsilon is at most {high}{unit}; the search gave up")?;
         }

@@ -170,7 +170,7 @@ impl QualityDocument {
         let (closed, finished, finding, iterations) = match closure {
             Closure::Force(quality) => (Some(true), true, bracket(quality), quality.iterations),
             Closure::None(separation) => (Some(false), true, proof(separation), separation.iterations),
-            Closure::Below(quality) | Closure::Unfinished(quality) => {
+            Closure::Below(quality) | Closure::Above(quality) | Closure::Unfinished(quality) => {
                 let closed = (quality.epsilon_low > 0.0).then_some(true);
                 (closed, false, bracket(quality), quality.iterations)
             }

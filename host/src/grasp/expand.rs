@@ -31,6 +31,8 @@ pub(super) struct Goal {
     pub(super) tolerance: f64,
     /// Upper bounds below this one are not worth refining.
     pub(super) reject_below: Option<f64>,
+    /// Lower bounds from this one on are good enough.
+    pub(super) accept_above: Option<f64>,
     /// Support queries.
     pub(super) max_queries: usize,
 }
@@ -44,6 +46,8 @@ pub(super) enum Stop {
     Outside,
     /// The distance is less than was asked for.
     Below,
+    /// The distance is as much as was asked for, and the bracket wider than the tolerance.
+    Above,
     /// Queries, facets or digits ran out.
     Unfinished,
 }
@@ -242,5 +246,7 @@ where
 {
     let Bracket { low, high, .. } = probe.bracket;
     let narrow = low > 0.0 && high - low <= (goal.tolerance * high).max(GAP * bound);
-    probe.refusal().or(narrow.then_some(Stop::Inside))
+    let enough = low > 0.0 && goal.accept_above.is_some_and(|enough| low >= enough);
+    let accepted = || if narrow { Some(Stop::Inside) } else { enough.then_some(Stop::Above) };
+    probe.refusal().or_else(accepted)
 }

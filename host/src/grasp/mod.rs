@@ -16,8 +16,8 @@ pub mod wrench;
 pub use contact::{Contact, ContactError};
 pub use friction::{ConeModel, EdgeCount, EdgeCountError};
 pub use quality::{
-    Closure, Convention, ForceNorm, NoClosure, Norm, Quality, Separation, Settings, Workspace, evaluate,
-    evaluate_above,
+    Closure, Convention, ForceNorm, Limits, NoClosure, Norm, Quality, Separation, Settings, Workspace,
+    evaluate, evaluate_above, evaluate_within,
 };
 pub use wrench::{GraspMap, WrenchBasis, WrenchReference, WrenchReferenceError};
 
