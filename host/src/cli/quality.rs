@@ -7,9 +7,11 @@ use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 
 use super::Outcome;
-use crate::grasp::document::{GraspDocument, QualityDocument};
+use crate::grasp::document::GraspDocument;
+use crate::grasp::report::QualityDocument;
 use crate::grasp::{
-    Closure, ConeModel, Convention, ForceNorm, Norm, Quality, Separation, Settings, Workspace, evaluate,
+    Closure, ConeModel, Convention, ForceNorm, NamedConvention, Norm, Quality, Score, Separation, Settings,
+    Workspace, Yardstick, evaluate,
 };
 
 /// Longest document, bytes: some hundred times what the most contacts take.
@@ -19,7 +21,11 @@ const DOCUMENT: &str = r#"Contacts as a JSON document, in metres and newtons; `-
 {"contacts":[{"point":[x,y,z],"normal":[x,y,z],"friction":f,"torsional_m":m,"max_force_n":n}],
  "center_of_mass":[x,y,z],"torque_scale_m":r}
 Normals point into the object. Optional: torsional_m (0), max_force_n (1), center_of_mass (centroid of the points),
-torque_scale_m (largest distance of a contact from it)"#;
+torque_scale_m (largest distance of a contact from it), and for --convention
+"object":{"vertices":[[x,y,z]],"bounding_box":{"min":[x,y,z],"max":[x,y,z]},
+          "surface":[{"point":[x,y,z],"normal":[x,y,z],"friction":f}]}
+graspit needs center_of_mass and vertices (or torque_scale_m); frogger center_of_mass; simox and dexnet center_of_mass
+and bounding_box or vertices; simox also surface, contacts spread over the object; dexgraspbench nothing"#;
 
 /// Measure a grasp: force closure or not, and epsilon, the worst disturbance that it withstands
 #[derive(Debug, Clone, Args)]
@@ -30,6 +36,9 @@ pub struct QualityArgs {
     /// Contacts as a JSON document; `-` reads standard input
     #[arg(value_name = "CONTACTS.json", long_help = DOCUMENT)]
     pub path: PathBuf,
+    /// Measure as another program does; CONTACTS.json may need to know more of the object (see below)
+    #[arg(long, value_name = "NAME", value_parser = named, conflicts_with_all = ["edges", "norm", "force_norm"])]
+    pub convention: Option<NamedConvention>,
     /// Edges of the friction pyramids, or `exact` for the circular cone
     #[arg(long, value_name = "N|exact", default_value = "exact", value_parser = cone, allow_negative_numbers = true)]
     pub edges: ConeModel,
@@ -75,6 +84,13 @@ fn cone(text: &str) -> Result<ConeModel, String> {
     ConeModel::edges(edges).map_err(|error| error.to_string())
 }
 
+fn named(text: &str) -> Result<NamedConvention, String> {
+    NamedConvention::ALL.into_iter().find(|convention| convention.name() == text).ok_or_else(|| {
+        let names: Vec<_> = NamedConvention::ALL.iter().map(|convention| convention.name()).collect();
+        format!("known are {}", names.join(", "))
+    })
+}
+
 fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(gap @ 0.0..=1.0) => Ok(gap),
@@ -105,6 +121,9 @@ impl QualityArgs {
 pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let grasp = (|| Ok::<_, anyhow::Error>(GraspDocument::from_json(&read(&args.path)?)?))()
         .with_context(|| format!("reading contacts from {}", args.path.display()))?;
+    if let Some(convention) = args.convention {
+        return run_named(convention, &grasp, args, out);
+    }
     let settings = args.settings();
     let found = evaluate(&grasp.contacts, &grasp.reference, &settings, &mut Workspace::new());
     if args.json {
@@ -114,6 +133,36 @@ pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         print(&found, &Convention::of(&settings, &grasp.reference), out)?;
     }
     Ok(if found.quality().is_some() { Outcome::Done } else { Outcome::No })
+}
+
+/// Measures as another program does.
+fn run_named(
+    convention: NamedConvention,
+    grasp: &GraspDocument,
+    args: &QualityArgs,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
+    let mut workspace = Workspace::new();
+    let yardstick = Yardstick::new(convention, &grasp.object, args.tolerance, &mut workspace)
+        .with_context(|| format!("measuring {}", args.path.display()))?;
+    let found = yardstick
+        .measure(&grasp.contacts, &mut workspace)
+        .with_context(|| format!("measuring {}", args.path.display()))?;
+    if args.json {
+        let document = QualityDocument::of_reproduction(&found, &yardstick.settings());
+        writeln!(out, "{}", serde_json::to_string(&document)?)?;
+    } else {
+        match found.score {
+            Score::Between { low, high } => {
+                writeln!(out, "{convention} says {low} (between {low} and {high})")?
+            }
+            Score::WithoutClosure(score) => writeln!(out, "{convention} says {score}")?,
+            Score::NotReproduced => writeln!(out, "what {convention} says is not reproduced")?,
+        }
+        print(&found.closure, &found.convention, out)?;
+        writeln!(out, "not reproduced: {}", convention.not_reproduced())?;
+    }
+    Ok(if found.closure.quality().is_some() { Outcome::Done } else { Outcome::No })
 }
 
 fn read(path: &Path) -> anyhow::Result<String> {

@@ -34,6 +34,10 @@ impl EdgeCount {
     /// The finest pyramid: it differs from the cone by less than a millionth of the friction force.
     pub const MAX: u16 = 4096;
 
+    /// Those of most programs' pyramids.
+    pub(super) const FOUR: Self = Self(4);
+    pub(super) const EIGHT: Self = Self(8);
+
     /// Checks the range.
     pub fn new(edges: u32) -> Result<Self, EdgeCountError> {
         match u16::try_from(edges) {

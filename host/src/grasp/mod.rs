@@ -1,23 +1,29 @@
 //! From contacts to the quality of a grasp.
 //!
 //! [`contact`] says where fingers touch, [`friction`] what they may push there, [`wrench`] what that does to the object,
-//! [`quality`] how well it holds. [`document`] reads and writes them.
+//! [`quality`] how well it holds, [`convention`] what such a number means. [`document`] reads
+//! contacts, [`report`] writes what was found.
 pub mod contact;
+pub mod convention;
 pub mod document;
 mod expand;
 pub mod friction;
 mod polar;
 mod polytope;
 pub mod quality;
+pub mod report;
 mod seen;
 mod support;
 pub mod wrench;
 
 pub use contact::{Contact, ContactError};
+pub use convention::{
+    Convention, ConventionError, NamedConvention, ObjectGeometry, Reproduction, Score, Yardstick,
+};
 pub use friction::{ConeModel, EdgeCount, EdgeCountError};
 pub use quality::{
-    Closure, Convention, ForceNorm, Limits, NoClosure, Norm, Quality, Separation, Settings, Workspace,
-    evaluate, evaluate_above, evaluate_within,
+    Closure, ForceNorm, Limits, NoClosure, Norm, Quality, Separation, Settings, Workspace, evaluate,
+    evaluate_above, evaluate_within,
 };
 pub use wrench::{GraspMap, WrenchBasis, WrenchReference, WrenchReferenceError};
 

@@ -69,44 +69,6 @@ impl Default for Settings {
     }
 }
 
-/// Everything that a number depends on besides the contacts: without it an epsilon means nothing.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Convention {
-    /// Shape of the friction cones.
-    pub cone: ConeModel,
-    /// What bounds the effort.
-    pub norm: Norm,
-    /// What has unit length in a cone.
-    pub force_norm: ForceNorm,
-    /// Centre and scale of torques.
-    pub reference: WrenchReference,
-}
-
-impl Convention {
-    /// The convention of an evaluation.
-    #[must_use]
-    pub fn of(settings: &Settings, reference: &WrenchReference) -> Self {
-        let Settings { cone, norm, force_norm, .. } = *settings;
-        Self { cone, norm, force_norm, reference: *reference }
-    }
-}
-
-impl fmt::Display for Convention {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let unit = match self.force_norm {
-            ForceNorm::Normal => "unit normal force",
-            ForceNorm::Edge => "unit edge force",
-        };
-        let norm = match self.norm {
-            Norm::L1 => "normal forces sum to 1 (L1)",
-            Norm::LInf => "normal forces up to each finger's limit (L-infinity), in newtons",
-        };
-        let c = self.reference.center_of_mass_in_object();
-        let scale = self.reference.torque_scale_m();
-        write!(f, "{}, {unit}, {norm}, torque / {scale} m about ({}, {}, {})", self.cone, c.x, c.y, c.z)
-    }
-}
-
 /// How good a grasp is, bracketed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Quality {

@@ -59,6 +59,36 @@ fn four_edges_give_what_qhull_gives() {
 }
 
 #[test]
+fn other_programs_conventions_are_named_in_the_result() {
+    let mut grasp = tetrahedron(0.4, 1.0);
+    grasp["object"] = json!({"bounding_box": {"min": [-1, -1, -1], "max": [1, 1, 1]},
+        "vertices": [[1, 0, 0]], "surface": grasp["contacts"]});
+    let edge = f64::hypot(0.4, 1.0);
+    for (name, epsilon, score) in [
+        ("graspit", 0.275945702, 0.275945702),
+        ("frogger", 0.250488927 / edge, 0.250488927 / edge),
+        ("simox", 0.275945702 / edge, 1.0),
+        ("dexnet", 0.275945702, 0.275945702),
+    ] {
+        let (status, found) = measured(&grasp, &format!("--convention {name}"));
+        assert_eq!((status, &found["convention"]["name"]), (0, &name.into()), "{found}");
+        assert!((number(&found, "/epsilon") - epsilon).abs() < 1e-6, "{found}");
+        for key in ["/score_low", "/score_high"] {
+            assert!((number(&found, key) - score).abs() < 1e-5, "{found}");
+        }
+    }
+    let (_, custom) = measured(&grasp, "--edges 8");
+    assert_eq!(custom["convention"]["name"], "custom");
+    assert!(custom.get("score_low").is_none(), "{custom}");
+    let mut open = pinch(0.0);
+    open["object"] = grasp["object"].clone();
+    for (name, score) in [("graspit", json!(-1.0)), ("dexgraspbench", json!(2.0)), ("frogger", Value::Null)] {
+        let (status, found) = measured(&open, &format!("--convention {name}"));
+        assert_eq!((status, &found["score"]), (1, &score), "{found}");
+    }
+}
+
+#[test]
 fn two_hard_contacts_never_close_and_two_soft_ones_do() {
     let (status, hard) = measured(&pinch(0.0), "");
     assert_eq!((status, &hard["closure"]), (1, &false.into()));

@@ -157,6 +157,11 @@ pub(crate) const QUALITY: &[WrongCall] = &[
     ("quality pinch.json --force-norm both", "'both'"),
     ("quality pinch.json --tolerance -1", "'-1' for '--tolerance"),
     ("quality pinch.json --tolerance NaN", "'NaN'"),
+    ("quality pinch.json --convention openrave", "known are graspit, frogger"),
+    ("quality pinch.json --convention graspit", "pinch.json: GraspIt! needs center_of_mass"),
+    ("quality pinch.json --convention graspit --edges 8", "cannot be used with '--edges"),
+    ("quality pinch.json --convention frogger --force-norm edge", "cannot be used with '--force-norm"),
+    ("quality pinch.json --norm l1 --convention simox", "cannot be used with"),
     ("quality pinch.json pinch.json", "'pinch.json'"),
 ];
 

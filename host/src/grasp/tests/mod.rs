@@ -1,5 +1,6 @@
 //! The metric against values that it did not make itself.
 mod brute_force;
+mod conventions;
 mod degenerate;
 mod expansion;
 mod golden;
