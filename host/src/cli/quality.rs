@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
+use nalgebra::Vector3;
 
 use super::Outcome;
 use crate::grasp::document::GraspDocument;
 use crate::grasp::report::QualityDocument;
 use crate::grasp::{
-    Closure, ConeModel, Convention, ForceNorm, NamedConvention, Norm, Quality, Score, Separation, Settings,
-    Workspace, Yardstick, evaluate,
+    Balance, Closure, ConeModel, ContactForce, Convention, Disturbance, ForceNorm, NamedConvention, Norm,
+    Quality, Resistance, Score, Separation, Settings, Workspace, Yardstick, evaluate, resist,
 };
 
 /// Longest document, bytes: some hundred times what the most contacts take.
@@ -51,6 +52,9 @@ pub struct QualityArgs {
     /// Relative gap between the bounds on epsilon at which the search is done
     #[arg(long, value_name = "GAP", default_value_t = Settings::default().tolerance, value_parser = tolerance, allow_negative_numbers = true)]
     pub tolerance: f64,
+    /// Ask for the resistance to one wrench on the object as well: N and N m about the centre of mass
+    #[arg(long, value_name = "FX,FY,FZ,TX,TY,TZ", value_parser = disturbance, allow_hyphen_values = true, conflicts_with = "convention")]
+    pub resist: Option<Disturbance>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
@@ -91,6 +95,17 @@ fn named(text: &str) -> Result<NamedConvention, String> {
     })
 }
 
+fn numbers_of<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let numbers = numbers.ok().and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+    numbers.ok_or_else(|| format!("give {N} numbers with commas between them"))
+}
+
+fn disturbance(text: &str) -> Result<Disturbance, String> {
+    let [fx, fy, fz, tx, ty, tz] = numbers_of(text)?;
+    Disturbance::new(Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)).map_err(|error| error.to_string())
+}
+
 fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(gap @ 0.0..=1.0) => Ok(gap),
@@ -117,7 +132,7 @@ impl QualityArgs {
 }
 
 /// Reads the contacts, measures, and prints to `out`. [`Outcome::No`] when the grasp is not, or not certainly,
-/// force-closed.
+/// force-closed; with `--resist`, when it does not resist the wrench at all.
 pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let grasp = (|| Ok::<_, anyhow::Error>(GraspDocument::from_json(&read(&args.path)?)?))()
         .with_context(|| format!("reading contacts from {}", args.path.display()))?;
@@ -125,14 +140,71 @@ pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         return run_named(convention, &grasp, args, out);
     }
     let settings = args.settings();
-    let found = evaluate(&grasp.contacts, &grasp.reference, &settings, &mut Workspace::new());
+    let mut workspace = Workspace::new();
+    let found = evaluate(&grasp.contacts, &grasp.reference, &settings, &mut workspace);
+    let resistance = args.resist.map(|disturbance| {
+        let found = resist(&grasp.contacts, &grasp.reference, &settings, &disturbance, &mut workspace);
+        let forces = match &found {
+            Resistance::Balanced(balance) | Resistance::Unfinished(balance) => {
+                balance.contact_forces(&grasp.contacts, &grasp.reference, &settings)
+            }
+            Resistance::None(_) => Vec::new(),
+        };
+        (found, forces)
+    });
     if args.json {
-        let document = QualityDocument::new(&found, &settings, &grasp.reference);
+        let mut document = QualityDocument::new(&found, &settings, &grasp.reference);
+        if let Some((found, forces)) = &resistance {
+            document = document.with_resistance(found, forces);
+        }
         writeln!(out, "{}", serde_json::to_string(&document)?)?;
     } else {
+        if let Some((found, forces)) = &resistance {
+            print_resistance(found, forces, settings.norm, out)?;
+        }
         print(&found, &Convention::of(&settings, &grasp.reference), out)?;
     }
-    Ok(if found.quality().is_some() { Outcome::Done } else { Outcome::No })
+    let is_held = match &resistance {
+        Some((Resistance::Balanced(balance) | Resistance::Unfinished(balance), _)) => {
+            balance.factor_low > 0.0
+        }
+        Some((Resistance::None(_), _)) => false,
+        None => found.quality().is_some(),
+    };
+    Ok(if is_held { Outcome::Done } else { Outcome::No })
+}
+
+fn print_resistance(
+    found: &Resistance,
+    forces: &[ContactForce],
+    norm: Norm,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    let effort = match norm {
+        Norm::L1 => "with normal forces that sum to 1 N",
+        Norm::LInf => "within each finger's limit",
+    };
+    match found {
+        Resistance::None(unbalanced) => {
+            let direction = numbers(unbalanced.direction.as_slice());
+            return writeln!(out, "the wrench is not resisted: nothing is exerted along {direction}");
+        }
+        Resistance::Unfinished(Balance { factor_low, factor_high, .. }) if *factor_low == 0.0 => {
+            return writeln!(
+                out,
+                "undecided: the wrench is resisted at most {factor_high} times; the search gave up"
+            );
+        }
+        Resistance::Balanced(Balance { factor_low, factor_high, .. })
+        | Resistance::Unfinished(Balance { factor_low, factor_high, .. }) => {
+            writeln!(out, "resists the wrench {factor_low} times (at most {factor_high}) {effort}, by")?;
+        }
+    }
+    for (index, ContactForce { force_n, torsion_nm }) in forces.iter().enumerate() {
+        let force = numbers(force_n.as_slice());
+        writeln!(out, "  contact {index}: force {force} N, moment about the normal {torsion_nm:.6} N m")?;
+    }
+    Ok(())
 }
 
 /// Measures as another program does.

@@ -12,6 +12,7 @@ mod polar;
 mod polytope;
 pub mod quality;
 pub mod report;
+pub mod resistance;
 mod seen;
 mod support;
 pub mod wrench;
@@ -25,6 +26,7 @@ pub use quality::{
     Closure, ForceNorm, Limits, NoClosure, Norm, Quality, Separation, Settings, Workspace, evaluate,
     evaluate_above, evaluate_within,
 };
+pub use resistance::{Balance, ContactForce, Disturbance, DisturbanceError, Resistance, Unbalanced, resist};
 pub use wrench::{GraspMap, WrenchBasis, WrenchReference, WrenchReferenceError};
 
 #[cfg(test)]

@@ -35,6 +35,16 @@ pub enum ForceNorm {
     Edge,
 }
 
+impl ForceNorm {
+    /// The normal force that a contact with this friction exerts per unit.
+    pub(super) fn unit(self, friction: f64) -> f64 {
+        match self {
+            Self::Normal => 1.0,
+            Self::Edge => 1.0 / friction.hypot(1.0),
+        }
+    }
+}
+
 /// How to measure. The default is `GraspIt!`'s convention with the exact cone, to a millionth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
@@ -208,7 +218,7 @@ impl Limits {
 /// evaluations free of allocation, but for those whose wrenches are as round as a ball.
 #[derive(Debug, Clone)]
 pub struct Workspace {
-    map: GraspMap,
+    pub(super) map: GraspMap,
     hulls: Hulls,
 }
 

@@ -6,6 +6,7 @@ use serde::Serialize;
 use super::convention::{Convention, NamedConvention, Reproduction, Score};
 use super::friction::ConeModel;
 use super::quality::{Closure, ForceNorm, NoClosure, Norm, Quality, Separation, Settings};
+use super::resistance::{ContactForce, Resistance, Unbalanced};
 use super::wrench::WrenchReference;
 
 /// The document.
@@ -21,6 +22,8 @@ pub struct QualityDocument {
     finding: Finding,
     #[serde(flatten)]
     score: Option<ScoreDocument>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    resistance: Option<ResistanceDocument>,
     convention: ConventionDocument,
     /// Support queries made.
     iterations: usize,
@@ -45,6 +48,68 @@ struct ScoreDocument {
     /// Bounds on the epsilon of the object wrench space.
     #[serde(skip_serializing_if = "Option::is_none")]
     object_epsilon: Option<[f64; 2]>,
+}
+
+/// How many times a disturbance is balanced; `balanced` is `null` when the search ran out before it could tell.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct ResistanceDocument {
+    balanced: Option<bool>,
+    finished: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    factor_low: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    factor_high: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    residual_n: Option<f64>,
+    /// Of the upper bound, or of there being no resistance.
+    limiting_wrench: [f64; 6],
+    /// They balance `factor_low` times the disturbance.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    contact_forces: Vec<ForceDocument>,
+    iterations: usize,
+}
+
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct ForceDocument {
+    force_n: [f64; 3],
+    torsion_nm: f64,
+}
+
+impl ResistanceDocument {
+    fn new(found: &Resistance, forces: &[ContactForce]) -> Self {
+        let (balance, finished) = match found {
+            Resistance::Balanced(balance) => (balance, true),
+            Resistance::Unfinished(balance) => (balance, false),
+            Resistance::None(Unbalanced { direction, iterations, .. }) => {
+                return Self {
+                    balanced: Some(false),
+                    finished: true,
+                    factor_low: None,
+                    factor_high: None,
+                    residual_n: None,
+                    limiting_wrench: array(direction),
+                    contact_forces: Vec::new(),
+                    iterations: *iterations,
+                };
+            }
+        };
+        let of = |f: &ContactForce| ForceDocument { force_n: f.force_n.into(), torsion_nm: f.torsion_nm };
+        Self {
+            balanced: (balance.factor_low > 0.0).then_some(true),
+            finished,
+            factor_low: Some(balance.factor_low),
+            // Infinity is no number of JSON: without a bound there is none.
+            factor_high: Some(balance.factor_high).filter(|high| high.is_finite()),
+            residual_n: Some(balance.residual_n),
+            limiting_wrench: array(&balance.limiting_wrench),
+            contact_forces: if balance.factor_low > 0.0 {
+                forces.iter().map(of).collect()
+            } else {
+                Vec::new()
+            },
+            iterations: balance.iterations,
+        }
+    }
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -82,7 +147,13 @@ impl QualityDocument {
             }
         };
         let convention = convention(&Convention::of(settings, reference), settings.tolerance);
-        Self { closure: closed, finished, finding, score: None, convention, iterations }
+        Self { closure: closed, finished, finding, score: None, resistance: None, convention, iterations }
+    }
+
+    /// The same with what was found of a disturbance, and the contact forces that balance it.
+    #[must_use]
+    pub fn with_resistance(self, found: &Resistance, forces: &[ContactForce]) -> Self {
+        Self { resistance: Some(ResistanceDocument::new(found, forces)), ..self }
     }
 
     /// The document of an evaluation in a named convention.

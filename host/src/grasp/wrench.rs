@@ -9,7 +9,7 @@ use thiserror::Error;
 use super::contact::{Contact, MAX_LENGTH_M};
 use super::friction::{ConeModel, FrictionSet};
 use super::quality::{ForceNorm, Norm};
-use super::support::Support;
+use super::support::{Part, Support};
 
 /// Smallest torque scale, metres: keeps the quotient of two lengths finite, squared too.
 const MIN_TORQUE_SCALE_M: f64 = 1e-9;
@@ -97,10 +97,7 @@ impl WrenchBasis {
         let lever =
             (contact.point_in_object() - reference.center_of_mass_in_object) / reference.torque_scale_m;
         let friction = contact.friction();
-        let unit = match force_norm {
-            ForceNorm::Normal => 1.0,
-            ForceNorm::Edge => 1.0 / friction.hypot(1.0),
-        };
+        let unit = force_norm.unit(friction);
         let pushing = |force: Vector3<f64>| wrench(force, lever.cross(&force));
         let twisting = |torque: Vector3<f64>| wrench(Vector3::zeros(), torque);
         Self(Matrix6x4::from_columns(&[
@@ -109,6 +106,20 @@ impl WrenchBasis {
             pushing(second) * (unit * friction),
             twisting(*normal) * (unit * friction * (contact.torsional_m() / reference.torque_scale_m)),
         ]))
+    }
+
+    /// Force, and moment about the normal, of a contact per unit of its normal force, with friction from the unit ball;
+    /// newtons and newton metres, object frame.
+    pub(super) fn push(
+        contact: &Contact,
+        force_norm: ForceNorm,
+        friction: &Vector3<f64>,
+    ) -> (Vector3<f64>, f64) {
+        let normal = contact.inward_normal_in_object();
+        let [first, second] = tangents(&normal);
+        let (unit, mu) = (force_norm.unit(contact.friction()), contact.friction());
+        let force = normal.into_inner() + (first * friction.x + second * friction.y) * mu;
+        (force * unit, unit * mu * contact.torsional_m() * friction.z)
     }
 
     /// What the contact's normal force and friction do along `direction`: the transpose of the basis times it.
@@ -211,6 +222,11 @@ impl GraspMap {
     #[must_use]
     pub fn farthest(&self, direction: &Vector6<f64>, norm: Norm) -> Vector6<f64> {
         self.support.farthest(direction, norm, &self.friction)
+    }
+
+    /// Tells which contacts make up the wrench that [`GraspMap::farthest`] finds, and with what.
+    pub(super) fn parts(&self, direction: &Vector6<f64>, norm: Norm, tell: impl FnMut(Part)) {
+        self.support.parts(direction, norm, &self.friction, tell);
     }
 
     /// A length that no wrench of the set exceeds: the measure of what rounding can do.

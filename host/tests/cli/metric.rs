@@ -89,6 +89,26 @@ fn other_programs_conventions_are_named_in_the_result() {
 }
 
 #[test]
+fn a_pinch_resists_its_weight_by_friction_and_shows_the_forces() {
+    let (status, found) = measured(&pinch(0.0), "--resist 0,0,-2,0,0,0 --tolerance 1e-7");
+    // No force closure, and still the answer to the question is yes: 0.4 N of friction per newton against 2 N.
+    assert_eq!((status, &found["closure"]), (0, &false.into()));
+    assert_eq!(found["resistance"]["balanced"], true);
+    for key in ["/resistance/factor_low", "/resistance/factor_high"] {
+        assert!((number(&found, key) - 0.2).abs() < 1e-6, "{found}");
+    }
+    let forces = found["resistance"]["contact_forces"].as_array().unwrap();
+    let up: f64 = forces.iter().map(|f| number(f, "/force_n/2")).sum();
+    assert!((up - 0.4).abs() < 1e-6 && forces.len() == 2, "{found}");
+
+    let (status, found) = measured(&pinch(0.0), "--resist 0,0,-2,0.1,0,0");
+    assert_eq!((status, &found["resistance"]["balanced"]), (1, &false.into()));
+    assert_eq!(found["resistance"]["limiting_wrench"].as_array().unwrap().len(), 6);
+    let (_, found) = measured(&pinch(0.0), "--resist -1,0,0,0,0,0 --norm linf");
+    assert!((number(&found, "/resistance/factor_low") - 1.0).abs() < 1e-6, "{found}");
+}
+
+#[test]
 fn two_hard_contacts_never_close_and_two_soft_ones_do() {
     let (status, hard) = measured(&pinch(0.0), "");
     assert_eq!((status, &hard["closure"]), (1, &false.into()));

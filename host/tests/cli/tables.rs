@@ -162,6 +162,10 @@ pub(crate) const QUALITY: &[WrongCall] = &[
     ("quality pinch.json --convention graspit --edges 8", "cannot be used with '--edges"),
     ("quality pinch.json --convention frogger --force-norm edge", "cannot be used with '--force-norm"),
     ("quality pinch.json --norm l1 --convention simox", "cannot be used with"),
+    ("quality pinch.json --resist 0,0,-1", "give 6 numbers"),
+    ("quality pinch.json --resist 0,0,0,0,0,0", "one of them not 0"),
+    ("quality pinch.json --resist 0,0,NaN,0,0,1", "six numbers up to 1e9"),
+    ("quality pinch.json --resist 0,0,1,0,0,0 --convention dexnet", "cannot be used with"),
     ("quality pinch.json pinch.json", "'pinch.json'"),
 ];
 
@@ -256,6 +260,7 @@ pub(crate) const NOES: &[WrongCall] = &[
     ("plan box.off --friction 0 --attempts 100 -o @.json", "0 with force closure"),
     ("plan box.off --strategy paper --table 3 -o @.json", "no grasp to execute"),
     ("quality pinch.json", "no force closure"),
+    ("quality pinch.json --resist 0,0,0,1,0,0", "the wrench is not resisted"),
     ("quality no-contacts.json", "no force closure: there is no contact"),
     ("demo --object cube --friction 0 --out @", "no grasp to execute"),
     ("execute good.json --friction 0.02 -o @.json", "verdict: "),

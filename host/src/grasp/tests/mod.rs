@@ -5,6 +5,7 @@ mod degenerate;
 mod expansion;
 mod golden;
 mod properties;
+mod resistance;
 mod two_algorithms;
 
 use std::f64::consts::PI;
