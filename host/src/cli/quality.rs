@@ -11,8 +11,9 @@ use super::Outcome;
 use crate::grasp::document::GraspDocument;
 use crate::grasp::report::QualityDocument;
 use crate::grasp::{
-    Balance, Closure, ConeModel, ContactForce, Convention, Disturbance, ForceNorm, NamedConvention, Norm,
-    Quality, Resistance, Score, Separation, Settings, Workspace, Yardstick, evaluate, resist,
+    Balance, Closure, ConeModel, ContactForce, Convention, Disturbance, ForceNorm, Limits, NamedConvention,
+    Norm, Quality, Resistance, Score, Separation, Settings, Task, TaskClosure, Workspace, Yardstick,
+    evaluate, evaluate_task, resist,
 };
 
 /// Longest document, bytes: some hundred times what the most contacts take.
@@ -55,6 +56,10 @@ pub struct QualityArgs {
     /// Ask for the resistance to one wrench on the object as well: N and N m about the centre of mass
     #[arg(long, value_name = "FX,FY,FZ,TX,TY,TZ", value_parser = disturbance, allow_hyphen_values = true, conflicts_with = "convention")]
     pub resist: Option<Disturbance>,
+    /// Measure by an ellipsoid of disturbances as well, given by its semi-axes in N and N m; without it, by the document's
+    /// `task` if there is one
+    #[arg(long, value_name = "FX,FY,FZ,TX,TY,TZ", value_parser = semi_axes, allow_hyphen_values = true, conflicts_with = "convention")]
+    pub ellipsoid: Option<Task>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
@@ -101,6 +106,10 @@ fn numbers_of<const N: usize>(text: &str) -> Result<[f64; N], String> {
     numbers.ok_or_else(|| format!("give {N} numbers with commas between them"))
 }
 
+fn semi_axes(text: &str) -> Result<Task, String> {
+    Task::from_semi_axes(numbers_of(text)?).map_err(|error| error.to_string())
+}
+
 fn disturbance(text: &str) -> Result<Disturbance, String> {
     let [fx, fy, fz, tx, ty, tz] = numbers_of(text)?;
     Disturbance::new(Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)).map_err(|error| error.to_string())
@@ -132,11 +141,12 @@ impl QualityArgs {
 }
 
 /// Reads the contacts, measures, and prints to `out`. [`Outcome::No`] when the grasp is not, or not certainly,
-/// force-closed; with `--resist`, when it does not resist the wrench at all.
+/// force-closed; with `--resist` or a task, when it does not resist the wrench or the ellipsoid at all.
 pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let grasp = (|| Ok::<_, anyhow::Error>(GraspDocument::from_json(&read(&args.path)?)?))()
         .with_context(|| format!("reading contacts from {}", args.path.display()))?;
     if let Some(convention) = args.convention {
+        ensure!(grasp.task.is_none(), "{}: a task has no --convention", args.path.display());
         return run_named(convention, &grasp, args, out);
     }
     let settings = args.settings();
@@ -152,26 +162,59 @@ pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         };
         (found, forces)
     });
+    let task = args.ellipsoid.or(grasp.task).map(|task| {
+        let limits = Limits::default();
+        evaluate_task(&grasp.contacts, &grasp.reference, &settings, &task, &limits, &mut workspace)
+    });
     if args.json {
         let mut document = QualityDocument::new(&found, &settings, &grasp.reference);
         if let Some((found, forces)) = &resistance {
             document = document.with_resistance(found, forces);
         }
+        if let Some(found) = &task {
+            document = document.with_task(found);
+        }
         writeln!(out, "{}", serde_json::to_string(&document)?)?;
     } else {
+        if let Some(found) = &task {
+            print_task(found, settings.norm, out)?;
+        }
         if let Some((found, forces)) = &resistance {
             print_resistance(found, forces, settings.norm, out)?;
         }
         print(&found, &Convention::of(&settings, &grasp.reference), out)?;
     }
-    let is_held = match &resistance {
-        Some((Resistance::Balanced(balance) | Resistance::Unfinished(balance), _)) => {
-            balance.factor_low > 0.0
-        }
-        Some((Resistance::None(_), _)) => false,
-        None => found.quality().is_some(),
+    let is_resisted = resistance.as_ref().map(|(found, _)| match found {
+        Resistance::Balanced(balance) | Resistance::Unfinished(balance) => balance.factor_low > 0.0,
+        Resistance::None(_) => false,
+    });
+    let is_withstood = task.as_ref().map(|found| found.quality().is_some());
+    let is_held = match (is_resisted, is_withstood) {
+        (None, None) => found.quality().is_some(),
+        (resisted, withstood) => resisted.unwrap_or(true) && withstood.unwrap_or(true),
     };
     Ok(if is_held { Outcome::Done } else { Outcome::No })
+}
+
+fn print_task(found: &TaskClosure, norm: Norm, out: &mut dyn Write) -> std::io::Result<()> {
+    let effort = match norm {
+        Norm::L1 => "for each newton of summed normal force",
+        Norm::LInf => "within each finger's limit",
+    };
+    match (found, found.quality()) {
+        (_, Some(q)) => {
+            writeln!(
+                out,
+                "withstands {} times the ellipsoid (at most {}) {effort}",
+                q.scale_low, q.scale_high
+            )
+        }
+        (TaskClosure::None { direction, .. }, _) => {
+            let direction = numbers(direction.as_slice());
+            writeln!(out, "withstands nothing of the ellipsoid: nothing is to spare along {direction}")
+        }
+        _ => writeln!(out, "undecided how much of the ellipsoid is withstood; the search gave up"),
+    }
 }
 
 fn print_resistance(

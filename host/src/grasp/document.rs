@@ -18,6 +18,13 @@
 //! The last two are what a tool can do that does not see the object. They change with the contacts, so give both to
 //! compare grasps of one object.
 //!
+//! `task` asks for the ellipsoid of disturbances that is withstood: `semi_axes` (three N, three N m) or a 6 x 6 `matrix`
+//! (their squares on its diagonal), and a `load` that always acts; wrenches on the object about `center_of_mass`.
+//!
+//! ```json
+//! {"task": {"semi_axes": [1, 1, 2, 0.02, 0.02, 0.01], "load": [0, 0, -2, 0, 0, 0]}}
+//! ```
+//!
 //! The conventions of other programs need more of the object, and name what is missing:
 //!
 //! ```json
@@ -31,12 +38,13 @@
 //! | `bounding_box` | least and greatest coordinates; those of the vertices |
 //! | `surface` | contacts that could be made, spread over it; none |
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Matrix6, Point3, Vector3};
 use serde::Deserialize;
 use thiserror::Error;
 
 use super::contact::{Contact, ContactError};
 use super::convention::ObjectGeometry;
+use super::task::{Task, TaskError};
 use super::wrench::{WrenchReference, WrenchReferenceError};
 
 /// Most contacts that a document may have: ten hands full of tactile pads.
@@ -67,6 +75,12 @@ pub enum DocumentError {
         /// What is wrong with it.
         source: ContactError,
     },
+    /// The ellipsoid is given twice or not at all.
+    #[error("task needs either semi_axes or matrix")]
+    Shape,
+    /// The task is not valid.
+    #[error("task: {0}")]
+    Task(#[from] TaskError),
     /// Centre of mass or torque scale is not valid.
     #[error(transparent)]
     Reference(#[from] WrenchReferenceError),
@@ -81,6 +95,8 @@ pub struct GraspDocument {
     pub reference: WrenchReference,
     /// What else is known of the object.
     pub object: ObjectGeometry,
+    /// Disturbances to measure by.
+    pub task: Option<Task>,
 }
 
 #[derive(Deserialize)]
@@ -91,6 +107,27 @@ struct RawGrasp {
     torque_scale_m: Option<f64>,
     #[serde(default)]
     object: RawObject,
+    task: Option<RawTask>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `semi_axes` or `matrix`")]
+struct RawTask {
+    semi_axes: Option<[f64; 6]>,
+    matrix: Option<[[f64; 6]; 6]>,
+    #[serde(default)]
+    load: [f64; 6],
+}
+
+impl RawTask {
+    fn checked(&self) -> Result<Task, DocumentError> {
+        let task = match (self.semi_axes, self.matrix) {
+            (Some(semi_axes), None) => Task::from_semi_axes(semi_axes)?,
+            (None, Some(rows)) => Task::from_matrix(&Matrix6::from_fn(|row, column| rows[row][column]))?,
+            _ => return Err(DocumentError::Shape),
+        };
+        Ok(task.with_load(self.load.into())?)
+    }
 }
 
 #[derive(Deserialize, Default)]
@@ -156,9 +193,10 @@ impl GraspDocument {
             bounding_box_in_object: raw.object.bounding_box.map(|b| [b.min.into(), b.max.into()]),
             surface: raw.object.surface.iter().enumerate().map(sample).collect::<Result<Vec<_>, _>>()?,
         };
+        let task = raw.task.map(|task| task.checked()).transpose()?;
         let center = raw.center_of_mass.map_or_else(|| centroid(&contacts), Point3::from);
         let scale = raw.torque_scale_m.unwrap_or_else(|| farthest(&contacts, &center).unwrap_or(1.0));
-        Ok(Self { reference: WrenchReference::new(center, scale)?, contacts, object })
+        Ok(Self { reference: WrenchReference::new(center, scale)?, contacts, object, task })
     }
 }
 
@@ -220,6 +258,9 @@ mod tests {
                 r#"{"contacts":[],"object":{"surface":[{"point":[0,0,0],"normal":[0,0,0],"friction":1}]}}"#,
                 "object.surface 0: normal",
             ),
+            (r#"{"contacts":[],"task":{"load":[0,0,0,0,0,0]}}"#, "either semi_axes or matrix"),
+            (r#"{"contacts":[],"task":{"semi_axes":[1,1,1,1,1,0]}}"#, "task: semi-axis 0 is"),
+            (r#"{"contacts":[],"task":{"semi_axes":[1,1,1]}}"#, "invalid length 3"),
             (r#"{"contacts":[],"torque_scale_m":0}"#, "torque_scale_m 0"),
             (r#"{"contacts":[],"torque_scale_m":NaN}"#, "line 1"),
         ] {

@@ -1,7 +1,8 @@
 //! From contacts to the quality of a grasp.
 //!
 //! [`contact`] says where fingers touch, [`friction`] what they may push there, [`wrench`] what that does to the object,
-//! [`quality`] how well it holds, [`convention`] what such a number means. [`document`] reads
+//! [`quality`] how well it holds, [`resistance`] what it does against one wrench and [`task`] against an ellipsoid of them,
+//! [`convention`] what such a number means. [`document`] reads
 //! contacts, [`report`] writes what was found.
 pub mod contact;
 pub mod convention;
@@ -15,6 +16,7 @@ pub mod report;
 pub mod resistance;
 mod seen;
 mod support;
+pub mod task;
 pub mod wrench;
 
 pub use contact::{Contact, ContactError};
@@ -27,6 +29,7 @@ pub use quality::{
     evaluate_above, evaluate_within,
 };
 pub use resistance::{Balance, ContactForce, Disturbance, DisturbanceError, Resistance, Unbalanced, resist};
+pub use task::{Task, TaskClosure, TaskError, TaskQuality, evaluate_task};
 pub use wrench::{GraspMap, WrenchBasis, WrenchReference, WrenchReferenceError};
 
 #[cfg(test)]

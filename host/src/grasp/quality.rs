@@ -219,7 +219,7 @@ impl Limits {
 #[derive(Debug, Clone)]
 pub struct Workspace {
     pub(super) map: GraspMap,
-    hulls: Hulls,
+    pub(super) hulls: Hulls,
 }
 
 impl Workspace {
@@ -281,9 +281,14 @@ pub fn evaluate_within(
     limits: &Limits,
     workspace: &mut Workspace,
 ) -> Closure {
+    workspace.map.assign(contacts, reference, settings.cone, settings.force_norm);
+    search(settings, limits, workspace)
+}
+
+/// Measures the grasp whose map the workspace has.
+pub(super) fn search(settings: &Settings, limits: &Limits, workspace: &mut Workspace) -> Closure {
     let Workspace { map, hulls } = workspace;
-    map.assign(contacts, reference, settings.cone, settings.force_norm);
-    if contacts.is_empty() {
+    if map.bases().is_empty() {
         let direction = Vector6::x();
         return Closure::None(Separation {
             direction,

@@ -7,6 +7,7 @@ use super::convention::{Convention, NamedConvention, Reproduction, Score};
 use super::friction::ConeModel;
 use super::quality::{Closure, ForceNorm, NoClosure, Norm, Quality, Separation, Settings};
 use super::resistance::{ContactForce, Resistance, Unbalanced};
+use super::task::TaskClosure;
 use super::wrench::WrenchReference;
 
 /// The document.
@@ -24,6 +25,8 @@ pub struct QualityDocument {
     score: Option<ScoreDocument>,
     #[serde(skip_serializing_if = "Option::is_none")]
     resistance: Option<ResistanceDocument>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    task: Option<TaskDocument>,
     convention: ConventionDocument,
     /// Support queries made.
     iterations: usize,
@@ -112,6 +115,46 @@ impl ResistanceDocument {
     }
 }
 
+/// How much of a task is withstood; `withstood` is `null` when the search ran out before it could tell.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct TaskDocument {
+    withstood: Option<bool>,
+    finished: bool,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale_low: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    scale_high: Option<f64>,
+    weakest_wrench: [f64; 6],
+    iterations: usize,
+}
+
+impl TaskDocument {
+    fn new(found: &TaskClosure) -> Self {
+        let (quality, finished) = match found {
+            TaskClosure::Withstood(quality) => (quality, true),
+            TaskClosure::Below(q) | TaskClosure::Above(q) | TaskClosure::Unfinished(q) => (q, false),
+            TaskClosure::None { direction, iterations } => {
+                return Self {
+                    withstood: Some(false),
+                    finished: true,
+                    scale_low: None,
+                    scale_high: None,
+                    weakest_wrench: array(direction),
+                    iterations: *iterations,
+                };
+            }
+        };
+        Self {
+            withstood: (quality.scale_low > 0.0).then_some(true),
+            finished,
+            scale_low: Some(quality.scale_low),
+            scale_high: Some(quality.scale_high).filter(|high| high.is_finite()),
+            weakest_wrench: array(&quality.weakest_wrench),
+            iterations: quality.iterations,
+        }
+    }
+}
+
 #[derive(Debug, Clone, PartialEq, Serialize)]
 struct ConventionDocument {
     name: &'static str,
@@ -147,13 +190,28 @@ impl QualityDocument {
             }
         };
         let convention = convention(&Convention::of(settings, reference), settings.tolerance);
-        Self { closure: closed, finished, finding, score: None, resistance: None, convention, iterations }
+        Self {
+            closure: closed,
+            finished,
+            finding,
+            score: None,
+            resistance: None,
+            task: None,
+            convention,
+            iterations,
+        }
     }
 
     /// The same with what was found of a disturbance, and the contact forces that balance it.
     #[must_use]
     pub fn with_resistance(self, found: &Resistance, forces: &[ContactForce]) -> Self {
         Self { resistance: Some(ResistanceDocument::new(found, forces)), ..self }
+    }
+
+    /// The same with what was found of a task.
+    #[must_use]
+    pub fn with_task(self, found: &TaskClosure) -> Self {
+        Self { task: Some(TaskDocument::new(found)), ..self }
     }
 
     /// The document of an evaluation in a named convention.

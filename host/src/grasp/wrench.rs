@@ -3,7 +3,7 @@
 //! A wrench is `[force; torque / torque_scale_m]`, force first, in the object frame and about the centre of mass. The
 //! division makes its six numbers one unit, so that a length in wrench space means something.
 
-use nalgebra::{Matrix6x4, Point3, Unit, Vector3, Vector4, Vector6};
+use nalgebra::{Matrix6, Matrix6x4, Point3, Unit, Vector3, Vector4, Vector6};
 use thiserror::Error;
 
 use super::contact::{Contact, MAX_LENGTH_M};
@@ -198,6 +198,14 @@ impl GraspMap {
         self.bases.extend(contacts.iter().map(|c| WrenchBasis::new(c, reference, force_norm)));
         self.limits_n.clear();
         self.limits_n.extend(contacts.iter().map(Contact::max_force_n));
+        self.support.assign(&self.bases, &self.limits_n);
+    }
+
+    /// Takes every wrench through a linear map.
+    pub(super) fn transform(&mut self, map: &Matrix6<f64>) {
+        for basis in &mut self.bases {
+            basis.0 = map * basis.0;
+        }
         self.support.assign(&self.bases, &self.limits_n);
     }
 

@@ -109,6 +109,29 @@ fn a_pinch_resists_its_weight_by_friction_and_shows_the_forces() {
 }
 
 #[test]
+fn a_task_is_measured_from_the_document_or_the_command_line() {
+    let mut grasp = tetrahedron(0.4, 1.0);
+    let exact = 0.4 / f64::sqrt(2.0);
+    // A ball of 2 N and 2 N m at a scale of 1 m is epsilon over 2.
+    let (status, found) = measured(&grasp, "--ellipsoid 2,2,2,2,2,2 --tolerance 1e-6");
+    assert_eq!((status, &found["task"]["withstood"]), (0, &true.into()));
+    assert!((number(&found, "/task/scale_low") - exact / 2.0).abs() < 1e-6, "{found}");
+    grasp["task"] = json!({"semi_axes": [1, 1, 1, 1, 1, 1]});
+    let (_, found) = measured(&grasp, "--tolerance 1e-6");
+    assert!((number(&found, "/task/scale_high") - exact).abs() < 1e-6, "{found}");
+    // More of a load than a newton of summed normal force can bear.
+    grasp["task"]["load"] = json!([0, 0, -2, 0, 0, 0]);
+    let (status, found) = measured(&grasp, "--tolerance 1e-3");
+    assert_eq!((status, &found["task"]["withstood"], &found["closure"]), (1, &false.into(), &true.into()));
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("contacts.json"), grasp.to_string()).unwrap();
+    let text = prehend(folder.path(), "quality contacts.json").ends_with(1);
+    assert!(String::from_utf8_lossy(&text.stdout).starts_with("withstands nothing of the ellipsoid"));
+    let refused = prehend(folder.path(), "quality contacts.json --convention frogger").ends_with(2);
+    assert!(refused.stderr.contains("a task has no --convention"), "{}", refused.stderr);
+}
+
+#[test]
 fn two_hard_contacts_never_close_and_two_soft_ones_do() {
     let (status, hard) = measured(&pinch(0.0), "");
     assert_eq!((status, &hard["closure"]), (1, &false.into()));

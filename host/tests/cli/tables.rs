@@ -166,6 +166,8 @@ pub(crate) const QUALITY: &[WrongCall] = &[
     ("quality pinch.json --resist 0,0,0,0,0,0", "one of them not 0"),
     ("quality pinch.json --resist 0,0,NaN,0,0,1", "six numbers up to 1e9"),
     ("quality pinch.json --resist 0,0,1,0,0,0 --convention dexnet", "cannot be used with"),
+    ("quality pinch.json --ellipsoid 1,1,1,1,1,0", "semi-axis 0 is not between"),
+    ("quality pinch.json --ellipsoid 1,1,1,1,1,1 --convention dexnet", "cannot be used with"),
     ("quality pinch.json pinch.json", "'pinch.json'"),
 ];
 

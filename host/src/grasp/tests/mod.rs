@@ -6,6 +6,7 @@ mod expansion;
 mod golden;
 mod properties;
 mod resistance;
+mod task;
 mod two_algorithms;
 
 use std::f64::consts::PI;
