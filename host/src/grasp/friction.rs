@@ -133,6 +133,20 @@ impl FrictionSet {
         }
     }
 
+    /// Points that span all that reach as far along `g` as the farthest, to within `slack`.
+    pub(super) fn for_each_tie(&self, g: &Vector3<f64>, slack: f64, mut tell: impl FnMut(Vector3<f64>)) {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        match self.model {
+            ConeModel::Exact if g.norm() > slack => {}
+            ConeModel::Exact => axes.into_iter().for_each(tell),
+            ConeModel::Edges(_) => {
+                let most = self.reach(g) - slack;
+                let edges = self.edges.iter().map(|&(cos, sin)| Vector3::new(cos, sin, 0.0));
+                edges.chain([axes[2], -axes[2]]).filter(|point| point.dot(g) >= most).for_each(&mut tell);
+            }
+        }
+    }
+
     /// [`FrictionSet::reach`] for several contacts at a time.
     pub(super) fn reach_of_each(&self, g: &[Lanes; 3]) -> Lanes {
         let [x, y, z] = g;

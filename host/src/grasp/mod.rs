@@ -9,6 +9,7 @@ pub mod convention;
 pub mod document;
 mod expand;
 pub mod friction;
+pub mod gradient;
 mod polar;
 mod polytope;
 pub mod quality;
@@ -24,6 +25,7 @@ pub use convention::{
     Convention, ConventionError, NamedConvention, ObjectGeometry, Reproduction, Score, Yardstick,
 };
 pub use friction::{ConeModel, EdgeCount, EdgeCountError};
+pub use gradient::{ContactGradient, ContactLipschitz, Slope, evaluate_with_gradient, lipschitz};
 pub use quality::{
     Closure, ForceNorm, Limits, NoClosure, Norm, Quality, Separation, Settings, Workspace, evaluate,
     evaluate_above, evaluate_within,

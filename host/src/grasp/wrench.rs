@@ -142,9 +142,13 @@ fn wrench(force: Vector3<f64>, torque: Vector3<f64>) -> Vector6<f64> {
 /// the normal is near X: pyramids start there, so it is part of their definition.
 #[must_use]
 pub fn tangents(normal: &Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
-    let axis = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-    let first = normal.cross(&axis).normalize();
+    let first = normal.cross(&first_axis(normal)).normalize();
     [first, normal.cross(&first)]
+}
+
+/// The axis that the first tangent is across.
+pub(super) fn first_axis(normal: &Unit<Vector3<f64>>) -> Vector3<f64> {
+    if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() }
 }
 
 /// The wrenches that a grasp can exert, as the support function of a convex set: how far it reaches in a direction, and
@@ -247,6 +251,39 @@ impl GraspMap {
         }
     }
 
+    /// Whether only one combination of contact forces makes the wrenches that reach farthest along `direction`, to within
+    /// `slack`: whether what the contacts give to them is independent.
+    pub(super) fn is_unique(&self, direction: &Vector6<f64>, norm: Norm, slack: f64) -> bool {
+        let most = self.bases.iter().map(|basis| self.reach_of(basis, direction)).fold(f64::MIN, f64::max);
+        let (mut all, mut apart) = (Span::default(), 0);
+        for basis in &self.bases {
+            let reach = self.reach_of(basis, direction);
+            // What may be added to or taken from what this contact does.
+            let (is_free, is_pushing) = match norm {
+                Norm::L1 => (reach >= most - slack, false),
+                Norm::LInf => (reach.abs() <= slack, reach > slack),
+            };
+            if !(is_free || is_pushing) {
+                continue;
+            }
+            let (_, friction) = basis.components(direction);
+            let at = self.friction.farthest(&friction);
+            let mut own = Span::default();
+            if is_free {
+                let farthest = basis.0 * Vector4::new(1.0, at.x, at.y, at.z);
+                own.add(&farthest);
+                all.add(&farthest);
+            }
+            self.friction.for_each_tie(&friction, slack, |other| {
+                let step = basis.0.fixed_columns::<3>(1) * (other - at);
+                own.add(&step);
+                all.add(&step);
+            });
+            apart += own.dimension;
+        }
+        apart == all.dimension
+    }
+
     /// Mean of the wrenches of the unit normal forces; zero without contacts.
     pub(super) fn mean_normal_wrench(&self) -> Vector6<f64> {
         let sum: Vector6<f64> = self.bases.iter().map(|basis| basis.0.column(0).into_owned()).sum();
@@ -256,5 +293,30 @@ impl GraspMap {
     fn reach_of(&self, basis: &WrenchBasis, direction: &Vector6<f64>) -> f64 {
         let (normal, friction) = basis.components(direction);
         normal + self.friction.reach(&friction)
+    }
+}
+
+/// The span of some wrenches, by orthonormal ones.
+#[derive(Debug, Default)]
+struct Span {
+    axes: [Vector6<f64>; 6],
+    dimension: usize,
+}
+
+impl Span {
+    /// Part of a wrench across the span, relative to it, that counts as none.
+    const DEPENDENT: f64 = 1e-7;
+
+    fn add(&mut self, wrench: &Vector6<f64>) {
+        let Some(mut rest) = wrench.try_normalize(1e-100) else { return };
+        for _ in 0..2 {
+            for axis in &self.axes[..self.dimension] {
+                rest -= axis * axis.dot(&rest);
+            }
+        }
+        if self.dimension < 6 && rest.norm() > Self::DEPENDENT {
+            self.axes[self.dimension] = rest.normalize();
+            self.dimension += 1;
+        }
     }
 }

@@ -4,6 +4,7 @@ mod conventions;
 mod degenerate;
 mod expansion;
 mod golden;
+mod gradient;
 mod properties;
 mod resistance;
 mod task;
