@@ -59,7 +59,7 @@ pub struct QualityArgs {
     /// Measure by an ellipsoid of disturbances as well, given by its semi-axes in N and N m; without it, by the document's
     /// `task` if there is one
     #[arg(long, value_name = "FX,FY,FZ,TX,TY,TZ", value_parser = semi_axes, allow_hyphen_values = true, conflicts_with = "convention")]
-    pub ellipsoid: Option<Task>,
+    pub ellipsoid: Option<Box<Task>>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
@@ -106,8 +106,8 @@ fn numbers_of<const N: usize>(text: &str) -> Result<[f64; N], String> {
     numbers.ok_or_else(|| format!("give {N} numbers with commas between them"))
 }
 
-fn semi_axes(text: &str) -> Result<Task, String> {
-    Task::from_semi_axes(numbers_of(text)?).map_err(|error| error.to_string())
+fn semi_axes(text: &str) -> Result<Box<Task>, String> {
+    Task::from_semi_axes(numbers_of(text)?).map(Box::new).map_err(|error| error.to_string())
 }
 
 fn disturbance(text: &str) -> Result<Disturbance, String> {
@@ -162,7 +162,7 @@ pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         };
         (found, forces)
     });
-    let task = args.ellipsoid.or(grasp.task).map(|task| {
+    let task = args.ellipsoid.as_deref().copied().or(grasp.task).map(|task| {
         let limits = Limits::default();
         evaluate_task(&grasp.contacts, &grasp.reference, &settings, &task, &limits, &mut workspace)
     });

@@ -219,7 +219,7 @@ pub(super) fn bracket(
         Probe { farthest, bracket: nothing, floor: floor(bound), reject_below: goal.reject_below };
     let Hulls { polar, polytope, witness } = hulls;
     witness.facet = None;
-    let (simplex, directions) = match grow_simplex(&mut probe, inside) {
+    let Start { simplex, directions } = match grow_simplex(&mut probe, inside) {
         Ok(found) => found,
         Err(stop) => return (stop, probe.bracket),
     };
@@ -240,14 +240,17 @@ pub(super) fn bracket(
     (stop, probe.bracket)
 }
 
-/// Seven points of the set that span space, with the directions in which they are the farthest, unless a direction was met in which it reaches too little.
+/// Seven points of the set that span space, and the directions in which they are the farthest.
+struct Start {
+    simplex: [Vector6<f64>; 7],
+    directions: [Vector6<f64>; 7],
+}
+
+/// Finds the points to start with, unless a direction was met in which it reaches too little.
 ///
 /// Each query goes from the span so far towards the origin, as GJK does; when the origin is in the span, it goes along any
 /// direction that is not. A flat set needs no test of its own: it cannot reach past the origin on both sides.
-fn grow_simplex<F>(
-    probe: &mut Probe<F>,
-    inside: &Vector6<f64>,
-) -> Result<([Vector6<f64>; 7], [Vector6<f64>; 7]), Stop>
+fn grow_simplex<F>(probe: &mut Probe<F>, inside: &Vector6<f64>) -> Result<Start, Stop>
 where
     F: FnMut(&Vector6<f64>) -> Vector6<f64>,
 {
@@ -278,7 +281,7 @@ where
         (simplex[known + 1], directions[known + 1]) = (point, direction);
         span[known] = without(&without(&(point - first), axes), axes).normalize();
     }
-    Ok((simplex, directions))
+    Ok(Start { simplex, directions })
 }
 
 /// The part of a vector across the span of orthonormal axes.
