@@ -169,13 +169,13 @@ fn finger(model: &HandModel<f64>, id: FingerId) -> Result<Finger, FingerError> {
     Finger::new(id.name().to_owned(), segments, beads, Vector3::z_axis(), |_| [0.0; 2])
 }
 
+/// Name, fingers (thumb, index, middle, ring), thumb rotation, spread (index, middle, ring), preshape of the fingers
+/// (flexion, middle), of the thumb, places around a centre (index, middle, ring), contact; angles in degrees.
+type Row = (&'static str, [bool; 4], f64, [f64; 3], [f64; 2], [f64; 2], Option<[f64; 3]>, ContactKind);
+
 /// The eight candidates, the four-finger ones first, and the power grasps behind them. Angles in degrees in the table, radians in the result.
 fn typical() -> Vec<Candidate> {
     use ContactKind::{Hard, Soft};
-    type Around = Option<[f64; 3]>;
-    // name, fingers (thumb, index, middle, ring), thumb rotation, spread (index, middle, ring), preshape of the fingers
-    // (flexion, middle), of the thumb, places around a centre (index, middle, ring), contact
-    type Row = (&'static str, [bool; 4], f64, [f64; 3], [f64; 2], [f64; 2], Around, ContactKind);
     let (timr, tim, tir) = ([true; 4], [true, true, true, false], [true, true, false, true]);
     let (ti, tm) = ([true, true, false, false], [true, false, true, false]);
     #[rustfmt::skip]
@@ -194,20 +194,7 @@ fn typical() -> Vec<Candidate> {
     rows.into_iter().map(candidate).collect::<Vec<_>>()
 }
 
-type Spread = [f64; 3];
-
-fn candidate(
-    (name, uses_of, rotation, spread, fingers, thumb, around, contact): (
-        &'static str,
-        [bool; 4],
-        f64,
-        Spread,
-        [f64; 2],
-        [f64; 2],
-        Option<Spread>,
-        ContactKind,
-    ),
-) -> Candidate {
+fn candidate((name, uses_of, rotation, spread, fingers, thumb, around, contact): Row) -> Candidate {
     let (mut open, mut closing) = (Posture::ZERO, Posture::ZERO);
     open[JointId::THUMB_ROTATION.index()] = rotation.to_radians();
     let abduction = [0.0, spread[0], spread[1], spread[2]];

@@ -5,9 +5,10 @@
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::approach::{fingers_collide, free_approach, hand_clear_of_table, palm_clear};
-use super::arm::Inverse;
+use super::arm::{Inverse, Joints};
 use super::best::rank::Errors;
 use super::closing::{Closing, Touch, close_finger};
+use super::motion::{REST_RAD, links_collide};
 use super::scene::Scene;
 use super::settle::Site;
 use super::wrap::wrap;
@@ -24,6 +25,9 @@ const PAD_COSINE_MIN: f64 = 0.26;
 
 /// The same for the tip, whose rubber is a cap: its front half and ten degrees more.
 const TIP_COSINE_MIN: f64 = -0.17;
+
+/// Between two sites some ten centimetres apart a joint turns by less than this while the arm keeps its configuration, rad.
+const SAME_CONFIGURATION_RAD: f64 = 1.2;
 
 /// How far the tips stand off their contacts before they close, metres, widest first: room for errors of scan, arm and
 /// calibration, as much as object, table and joint limits leave.
@@ -122,11 +126,13 @@ pub enum Rejection {
     PalmHitsObject,
     /// A finger that stands off, or is not used, touches the object at the grasp site or on the way there.
     FingerHitsObject,
+    /// The arm changes its configuration between the sites, or its links touch table or object at one.
+    ArmBlocked,
 }
 
 impl Rejection {
     /// All reasons, in order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::PalmBlocked,
         Self::Unreachable,
         Self::FingerInObject,
@@ -138,6 +144,7 @@ impl Rejection {
         Self::FingersCollide,
         Self::PalmHitsObject,
         Self::FingerHitsObject,
+        Self::ArmBlocked,
     ];
 
     /// Key in the plan document.
@@ -155,6 +162,7 @@ impl Rejection {
             Self::FingersCollide => "fingers-collide",
             Self::PalmHitsObject => "palm-hits-object",
             Self::FingerHitsObject => "finger-hits-object",
+            Self::ArmBlocked => "arm-blocked",
         }
     }
 }
@@ -238,6 +246,10 @@ pub fn attempt(
         let pregrasp = around(scene, candidate, site, &fixed, &mut grasp, &stand_off)?;
         (*site, pregrasp, grasp, quality)
     };
+    // Dearer than all before, and seldom refused.
+    if !arm_stays_clear(scene, &site) {
+        return Err(Rejection::ArmBlocked);
+    }
     let contacts = scratch.touches.clone();
     Ok(Grasp { candidate: index, site, pregrasp, grasp, contacts, quality, robustness: None })
 }
@@ -470,6 +482,27 @@ pub fn palm_sites(scene: &Scene, site: &Site) -> [Isometry3<f64>; 3] {
 fn reachable(scene: &Scene, site: &Site) -> bool {
     let Some(arm) = &scene.arm else { return true };
     palm_sites(scene, site).iter().all(|base_from_palm| {
-        matches!(arm.palm_solutions_near(base_from_palm, &[0.0; 6]), Inverse::Solutions(_))
+        matches!(arm.palm_solutions_near(base_from_palm, &REST_RAD), Inverse::Solutions(_))
+    })
+}
+
+/// Whether the arm can hold the palm at approach, grasp and lifted site in one configuration whose links clear table and
+/// object there; true without an arm. The ways between are looked at when a grasp is written.
+fn arm_stays_clear(scene: &Scene, site: &Site) -> bool {
+    let Some(arm) = &scene.arm else { return true };
+    let [approach, grasp, lift] = palm_sites(scene, site);
+    let Inverse::Solutions(starts) = arm.palm_solutions_near(&approach, &REST_RAD) else { return false };
+    starts.iter().any(|start| {
+        let next = |pose: &Isometry3<f64>, from: &Joints| match arm.palm_solutions_near(pose, from) {
+            Inverse::Solutions(found) => found.first().map(|solution| solution.q_rad),
+            _ => None,
+        };
+        let is_near =
+            |a: &Joints, b: &Joints| a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME_CONFIGURATION_RAD);
+        let Some(at_grasp) = next(&grasp, &start.q_rad).filter(|q| is_near(q, &start.q_rad)) else {
+            return false;
+        };
+        let Some(at_lift) = next(&lift, &at_grasp).filter(|q| is_near(q, &at_grasp)) else { return false };
+        [start.q_rad, at_grasp, at_lift].iter().all(|q| !links_collide(scene, arm, q))
     })
 }

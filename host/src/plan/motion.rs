@@ -16,7 +16,7 @@ use super::timing::{MotionLimits, PointSpeed, TimingError, time_path};
 use super::trajectory::JointTrajectory;
 
 /// Posture from which configurations are counted as near or far: elbow up, the hand over the cell's working spot, rad.
-const REST_RAD: Joints = [0.0, 0.3, 1.6, 0.0, 1.2, 0.0];
+pub(super) const REST_RAD: Joints = [0.0, 0.3, 1.6, 0.0, 1.2, 0.0];
 
 /// Steps of the straight lines.
 const STEP_M: f64 = 0.002;
@@ -120,7 +120,7 @@ fn load_limits(scene: &Scene, arm: &Arm, object_kg: f64) -> Result<MotionLimits,
 
 /// Whether a link of the arm touches the table, the object or the hand. The base stands on the table's level, and the
 /// wrist carries the hand: those pairs are left out.
-fn links_collide(scene: &Scene, arm: &Arm, q: &Joints) -> bool {
+pub(super) fn links_collide(scene: &Scene, arm: &Arm, q: &Joints) -> bool {
     let frames = arm.link_frames(q);
     let object_from_base = scene.base_from_object.inverse();
     let base_from_palm = arm.base_from_palm(q);

@@ -97,8 +97,7 @@ fn palm_contacts(
     site: &Site,
     contacts: &mut Vec<GraspContact>,
 ) -> Result<(), Rejection> {
-    let mut patch: [Option<(Point3<f64>, Unit<Vector3<f64>>)>; FACE_POINTS * FACE_POINTS] =
-        [None; FACE_POINTS * FACE_POINTS];
+    let mut patch = [None::<(Point3<f64>, Unit<Vector3<f64>>)>; FACE_POINTS * FACE_POINTS];
     let mut count = 0;
     for part in &scene.hand.palm {
         let object_from_box = object_from_palm * part.palm_from_box;
