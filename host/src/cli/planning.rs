@@ -20,7 +20,7 @@ use crate::plan::document::{
     ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION,
     array, frames, mesh_hash, posture,
 };
-use crate::plan::motion::arm_motion;
+use crate::plan::motion::{MotionRequest, arm_motion};
 use crate::plan::scene::Scene;
 use crate::plan::search::{SearchResult, SearchSettings};
 use crate::plan::{best, paper};
@@ -134,7 +134,18 @@ impl Planner<'_> {
         let scene = self.scene;
         let arm_motion = match &scene.arm {
             Some(arm) => {
-                Some(arm_motion(scene, arm, &grasp.site, self.object.mass_kg).map_err(|_| "no-arm-motion")?)
+                let request = MotionRequest {
+                    site: &grasp.site,
+                    open: &grasp.pregrasp,
+                    closed: &grasp.grasp,
+                    object_kg: self.object.mass_kg,
+                    start_rad: arm.params().rest_rad,
+                    seed: self.settings.seed,
+                };
+                Some(arm_motion(scene, arm, &request).map_err(|error| {
+                    eprintln!("{error}");
+                    "no-arm-motion"
+                })?)
             }
             None => None,
         };

@@ -8,7 +8,8 @@ use super::approach::{fingers_collide, free_approach, hand_clear_of_table, palm_
 use super::arm::{Inverse, Joints};
 use super::best::rank::Errors;
 use super::closing::{Closing, Touch, close_finger};
-use super::motion::{REST_RAD, links_collide};
+use super::hand_shape::HandShape;
+use super::obstacles::{ObjectPlace, Obstacles};
 use super::scene::Scene;
 use super::settle::Site;
 use super::wrap::wrap;
@@ -247,7 +248,7 @@ pub fn attempt(
         (*site, pregrasp, grasp, quality)
     };
     // Dearer than all before, and seldom refused.
-    if !arm_stays_clear(scene, &site) {
+    if !arm_stays_clear(scene, &site, &pregrasp, &grasp) {
         return Err(Rejection::ArmBlocked);
     }
     let contacts = scratch.touches.clone();
@@ -482,16 +483,23 @@ pub fn palm_sites(scene: &Scene, site: &Site) -> [Isometry3<f64>; 3] {
 fn reachable(scene: &Scene, site: &Site) -> bool {
     let Some(arm) = &scene.arm else { return true };
     palm_sites(scene, site).iter().all(|base_from_palm| {
-        matches!(arm.palm_solutions_near(base_from_palm, &REST_RAD), Inverse::Solutions(_))
+        matches!(arm.palm_solutions_near(base_from_palm, &arm.params().rest_rad), Inverse::Solutions(_))
     })
 }
 
 /// Whether the arm can hold the palm at approach, grasp and lifted site in one configuration whose links clear table and
 /// object there; true without an arm. The ways between are looked at when a grasp is written.
-fn arm_stays_clear(scene: &Scene, site: &Site) -> bool {
+fn arm_stays_clear(scene: &Scene, site: &Site, open: &Posture, closed: &Posture) -> bool {
     let Some(arm) = &scene.arm else { return true };
     let [approach, grasp, lift] = palm_sites(scene, site);
-    let Inverse::Solutions(starts) = arm.palm_solutions_near(&approach, &REST_RAD) else { return false };
+    let rest_rad = &arm.params().rest_rad;
+    let Inverse::Solutions(starts) = arm.palm_solutions_near(&approach, rest_rad) else { return false };
+    let base_from_object = scene.base_from_object;
+    let [open, closed] = [open, closed].map(|posture| HandShape::of(&scene.hand, posture));
+    let obstacles = |hand, place| Obstacles::new(arm, hand, scene.table_height_m, &scene.surface, place);
+    let coming = obstacles(&open, ObjectPlace::Target { base_from_object });
+    let palm_from_object = site.object_from_palm.inverse();
+    let going = obstacles(&closed, ObjectPlace::Held { palm_from_object });
     starts.iter().any(|start| {
         let next = |pose: &Isometry3<f64>, from: &Joints| match arm.palm_solutions_near(pose, from) {
             Inverse::Solutions(found) => found.first().map(|solution| solution.q_rad),
@@ -503,6 +511,7 @@ fn arm_stays_clear(scene: &Scene, site: &Site) -> bool {
             return false;
         };
         let Some(at_lift) = next(&lift, &at_grasp).filter(|q| is_near(q, &at_grasp)) else { return false };
-        [start.q_rad, at_grasp, at_lift].iter().all(|q| !links_collide(scene, arm, q))
+        let is_clear = |obstacles: &Obstacles<'_>, q: &Joints| obstacles.clash_at(q).is_none();
+        is_clear(&coming, &start.q_rad) && is_clear(&coming, &at_grasp) && is_clear(&going, &at_lift)
     })
 }

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use super::arm::Arm;
 use super::attempt::Grasp;
-use super::motion::{MotionError, arm_motion};
+use super::motion::{MotionError, MotionRequest, arm_motion};
 use super::scene::Scene;
 use super::search::{SearchResult, SearchSettings};
 use super::{best, paper};
@@ -132,10 +132,21 @@ fn the_arm_follows_a_grasp_in_straight_lines() {
     let scene = scene(BuiltIn::Cube, 1.0);
     let arm = Arm::rx60();
     let result = paper::search(&scene, &few(64), &quiet);
+    let plan = |grasp: &Grasp, object_kg| {
+        let request = MotionRequest {
+            site: &grasp.site,
+            open: &grasp.pregrasp,
+            closed: &grasp.grasp,
+            object_kg,
+            start_rad: arm.params().rest_rad,
+            seed: 1,
+        };
+        arm_motion(&scene, &arm, &request)
+    };
     let (grasp, motion) = result
         .grasps
         .iter()
-        .find_map(|g| arm_motion(&scene, &arm, &g.site, 0.1).ok().map(|motion| (g, motion)))
+        .find_map(|g| plan(g, 0.1).ok().map(|motion| (g, motion)))
         .expect("a grasp that the arm can make");
     let way = scene.base_from_object * grasp.site.direction_in_object.into_inner();
     let palm = |q: &[f64; 6]| arm.base_from_palm(q).translation.vector;
@@ -151,7 +162,7 @@ fn the_arm_follows_a_grasp_in_straight_lines() {
             assert!(off_m < 2e-4, "{off_m} m off the line");
         }
     }
-    let heavy = arm_motion(&scene, &arm, &grasp.site, 5.0);
+    let heavy = plan(grasp, 5.0);
     assert_eq!(heavy, Err(MotionError::TooHeavy { object_kg: 5.0 }));
 }
 

@@ -34,6 +34,8 @@ pub struct Peaks {
     pub speed_rad_per_s: Joints,
     /// Accelerations.
     pub acceleration_rad_per_s2: Joints,
+    /// Jerks, inside the pieces.
+    pub jerk_rad_per_s3: Joints,
 }
 
 /// Why knots are not a trajectory.
@@ -136,10 +138,12 @@ impl JointTrajectory {
         }
     }
 
-    /// The greatest speeds and accelerations, exactly: a quadratic and a linear function in each piece.
+    /// The greatest speeds, accelerations and jerks, exactly: a quadratic, a linear function and a constant in each
+    /// piece.
     #[must_use]
     pub fn peaks(&self) -> Peaks {
-        let mut peaks = Peaks { speed_rad_per_s: [0.0; 6], acceleration_rad_per_s2: [0.0; 6] };
+        let mut peaks =
+            Peaks { speed_rad_per_s: [0.0; 6], acceleration_rad_per_s2: [0.0; 6], jerk_rad_per_s3: [0.0; 6] };
         for i in 0..6 {
             let speed = &mut peaks.speed_rad_per_s[i];
             *speed = self.knots.iter().fold(0.0, |most, knot| most.max(knot.qd_rad_per_s[i].abs()));
@@ -148,6 +152,8 @@ impl JointTrajectory {
                 let end = piece.at(piece.duration_s);
                 let acceleration = &mut peaks.acceleration_rad_per_s2[i];
                 *acceleration = acceleration.max(piece.acceleration.abs()).max(end[2].abs());
+                let jerk = &mut peaks.jerk_rad_per_s3[i];
+                *jerk = jerk.max(piece.jerk.abs());
                 let turning_s = -piece.acceleration / piece.jerk;
                 if turning_s > 0.0 && turning_s < piece.duration_s {
                     *speed = speed.max(piece.at(turning_s)[1].abs());
@@ -157,7 +163,8 @@ impl JointTrajectory {
         peaks
     }
 
-    /// The same path, `factor` times as slow: speeds fall by the factor, accelerations by its square. An error when the
+    /// The same path, `factor` times as slow: speeds fall by the factor, accelerations by its square, jerks by its cube.
+    /// An error when the
     /// factor is not greater than zero, or when the times or speeds leave the range of numbers.
     pub fn slowed(&self, factor: f64) -> Result<Self, TrajectoryError> {
         let slow = |knot: &Knot| Knot {

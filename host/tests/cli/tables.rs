@@ -175,7 +175,7 @@ pub(crate) const EXPORT: &[WrongCall] = &[
     ("export none.json --format mjcf -o @.json", "none.json: No such file"),
     ("export folder --format mjcf -o @.json", "exporting folder: not a file"),
     ("export box.off --format urdf -o @.json", "exporting box.off: expected value at line 1"),
-    ("export other-version.json --format urdf -o @.json", "other-version.json: version 2"),
+    ("export other-version.json --format urdf -o @.json", "other-version.json: version 99"),
     ("export other-hand.json --format urdf-arm -o @.json", "the plan is for another hand"),
     ("export no-grasp.json --format moveit -o @.json", "no-grasp.json: the plan has no grasp"),
     (
@@ -208,7 +208,7 @@ pub(crate) const EXECUTE: &[WrongCall] = &[
     ("execute box.off -o @.json", "reading box.off: expected value at line 1"),
     ("execute pinch.json -o @.json", "unknown field `contacts`"),
     ("execute other-format.json -o @.json", "other-format.json: format is \"plan\""),
-    ("execute other-version.json -o @.json", "other-version.json: version 2"),
+    ("execute other-version.json -o @.json", "other-version.json: version 99"),
     ("execute no-grasp.json -o @.json", "no-grasp.json has no grasp"),
     ("execute grasps-are-text.json -o @.json", "grasps-are-text.json: invalid type: string \"none\""),
     ("execute more-fields.json -o @.json", "unknown field `colour`"),

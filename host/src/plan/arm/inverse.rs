@@ -7,6 +7,7 @@
 //! `acos`, whose error grows to 1e-8 rad near a stretched arm or wrist.
 
 use std::f64::consts::PI;
+use std::ops::ControlFlow;
 
 use nalgebra::{Isometry3, Matrix3, Rotation3, Vector3};
 
@@ -156,10 +157,38 @@ impl Arm {
     /// depend on it.
     #[must_use]
     pub fn inverse(&self, base_from_flange: &Isometry3<f64>, seed_rad: &Joints) -> Inverse {
+        let mut solutions = Solutions::new();
+        let visited = self.visit(base_from_flange, seed_rad, &mut |solution| {
+            solutions.push(solution);
+            ControlFlow::Continue(())
+        });
+        visited.unwrap_or(Inverse::Solutions(solutions))
+    }
+
+    /// Whether some configuration inside the limits brings the palm to a pose in the base frame. Ends at the first one:
+    /// for those who try many poses.
+    #[must_use]
+    pub fn reaches_palm(&self, base_from_palm: &Isometry3<f64>) -> bool {
+        let mut reaches = false;
+        let base_from_flange = base_from_palm * self.flange_from_palm.inverse();
+        self.visit(&base_from_flange, &[0.0; 6], &mut |solution| {
+            reaches = solution.limits.is_inside();
+            if reaches { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        reaches
+    }
+
+    /// Shows the configurations one by one until told to break; the outcome instead when there is none.
+    fn visit(
+        &self,
+        base_from_flange: &Isometry3<f64>,
+        seed_rad: &Joints,
+        visitor: &mut dyn FnMut(Solution) -> ControlFlow<()>,
+    ) -> Option<Inverse> {
         let rotation = base_from_flange.rotation.to_rotation_matrix();
         let position = base_from_flange.translation.vector;
         if !position.iter().chain(rotation.matrix()).chain(seed_rad).all(|v| v.is_finite()) {
-            return Inverse::NotFinite;
+            return Some(Inverse::NotFinite);
         }
         let g = &self.params.geometry;
         let center = position - rotation * Vector3::new(0.0, 0.0, g.c4_m);
@@ -167,12 +196,12 @@ impl Arm {
         let lateral_m = g.b_m.abs();
         let distance_m = center.x.hypot(center.y);
         if distance_m <= lateral_m + LENGTH_TOLERANCE_M {
-            return Inverse::ShoulderSingular { distance_m, least_m: lateral_m };
+            return Some(Inverse::ShoulderSingular { distance_m, least_m: lateral_m });
         }
         let forward_m = ((distance_m - lateral_m) * (distance_m + lateral_m)).sqrt();
 
-        let mut solutions = Solutions::new();
         let mut nearest_miss: Option<Miss> = None;
+        let mut found = false;
         for (shoulder, along_m) in [(Shoulder::Front, forward_m), (Shoulder::Back, -forward_m)] {
             // In the frame turned by theta1 the wrist centre is at (along, b), and there at (x, z) from axis 2.
             let theta1 = center.y.atan2(center.x) - g.b_m.atan2(along_m);
@@ -197,15 +226,19 @@ impl Arm {
                     let q = g.joints_from_theta(&[theta1, theta2, theta3, theta4, theta5, theta6]);
                     let q_rad = nearest_turns(&self.params.limits, &q, seed_rad);
                     let branch = Branch { shoulder, elbow, wrist };
-                    solutions.push(Solution { q_rad, branch, limits: self.params.limits.check(&q_rad) });
+                    let limits = self.params.limits.check(&q_rad);
+                    found = true;
+                    if visitor(Solution { q_rad, branch, limits }).is_break() {
+                        return None;
+                    }
                 }
             }
         }
         match nearest_miss {
-            Some(Miss { distance_m, least_m, greatest_m }) if solutions.is_empty() => {
-                Inverse::OutOfReach { distance_m, least_m, greatest_m }
+            Some(Miss { distance_m, least_m, greatest_m }) if !found => {
+                Some(Inverse::OutOfReach { distance_m, least_m, greatest_m })
             }
-            _ => Inverse::Solutions(solutions),
+            _ => None,
         }
     }
 

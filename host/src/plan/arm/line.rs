@@ -3,6 +3,7 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Translation3};
+use thiserror::Error;
 
 use super::{Arm, Inverse, Joints, LimitCheck};
 
@@ -17,21 +18,25 @@ const MAX_HALVINGS: u32 = 6;
 const MAX_STEPS: f64 = 100_000.0;
 
 /// Why a line cannot be followed to its end.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Error)]
 pub enum LineBlock {
     /// A pose, the seed or a step is NaN or infinite, or a step is not greater than zero.
+    #[error("a pose or step is not a number that makes sense")]
     NotFinite,
     /// The wrist centre leaves the reach of the links; see [`Inverse::OutOfReach`].
+    #[error("it is out of reach, with the wrist {distance_m:.3} m from axis 2")]
     OutOfReach {
         /// Distance from axis 2 to the wrist centre.
         distance_m: f64,
     },
     /// The wrist centre comes too near to axis 1; see [`Inverse::ShoulderSingular`].
+    #[error("the wrist comes within {distance_m:.3} m of axis 1")]
     ShoulderSingular {
         /// Distance from axis 1 to the wrist centre.
         distance_m: f64,
     },
     /// A joint would have to leave its limits.
+    #[error("axis {axis} would have to go {excess_rad:.3} rad beyond its limit")]
     Limit {
         /// 1 to 6.
         axis: usize,
@@ -39,6 +44,7 @@ pub enum LineBlock {
         excess_rad: f64,
     },
     /// A joint would have to jump: the line meets a wrist singularity, or the branch ends.
+    #[error("axis {axis} would have to jump by {jump_rad:.3} rad, at a singularity")]
     Jump {
         /// 1 to 6.
         axis: usize,

@@ -10,11 +10,13 @@
 //!
 //! Nothing here knows about time; see [`super::timing`].
 mod collision;
+pub mod distance;
 mod forward;
 mod inverse;
 mod limits;
 mod line;
 mod load;
+mod margin;
 mod params;
 #[cfg(test)]
 mod tests;
@@ -27,6 +29,7 @@ pub use inverse::{Branch, Elbow, Inverse, Shoulder, Solution, Solutions, Wrist};
 pub use limits::{JointLimits, LimitCheck};
 pub use line::{LineBlock, LineOutcome};
 pub use load::{LoadCheck, LoadMode, LoadQuantity, LoadRating, Payload};
+pub use margin::Margin;
 pub use params::{ArmParams, OpwGeometry};
 
 /// Angles of axes 1 to 6, radians, in the manufacturer's counting.
@@ -59,6 +62,20 @@ pub enum ArmError {
         /// Its value.
         value: f64,
     },
+    /// The rest posture is outside the joint limits.
+    #[error("the rest posture has axis {axis} at {angle_rad} rad, outside its limits")]
+    Rest {
+        /// 1 to 6.
+        axis: usize,
+        /// Its angle.
+        angle_rad: f64,
+    },
+    /// A collision capsule belongs to no link.
+    #[error("a capsule belongs to link {link}, but links are 0 (the base) to 6")]
+    CapsuleLink {
+        /// Its link.
+        link: usize,
+    },
     /// The lower limit of an axis is not below the upper one.
     #[error("axis {axis} has its lower limit {lower_rad} rad at or above its upper limit {upper_rad} rad")]
     Limits {
@@ -76,19 +93,26 @@ pub enum ArmError {
 pub struct Arm {
     params: ArmParams,
     flange_from_palm: Isometry3<f64>,
+    self_pairs: Vec<(usize, usize)>,
 }
 
 impl Arm {
     /// Checks the parameters. The palm frame is where [`Arm::rx60`] has it; see [`Arm::with_flange_from_palm`].
     pub fn new(params: ArmParams) -> Result<Self, ArmError> {
         params.check()?;
-        Ok(Self { params, flange_from_palm: params::adapter_plate() })
+        Ok(Self::checked(params))
     }
 
     /// The Stäubli RX60 that carries the hand on an adapter plate 20 mm thick.
     #[must_use]
     pub fn rx60() -> Self {
-        Self { params: ArmParams::rx60(), flange_from_palm: params::adapter_plate() }
+        Self::checked(ArmParams::rx60())
+    }
+
+    fn checked(params: ArmParams) -> Self {
+        let mut arm = Self { params, flange_from_palm: params::adapter_plate(), self_pairs: Vec::new() };
+        arm.self_pairs = collision::self_pairs(&arm);
+        arm
     }
 
     /// The same arm with the hand mounted elsewhere.

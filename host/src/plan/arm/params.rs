@@ -4,7 +4,7 @@
 
 use nalgebra::{Isometry3, Point3, Vector3};
 
-use super::{ArmError, JointLimits, Joints, LinkCapsule, load::LoadRating};
+use super::{ArmError, JointLimits, Joints, LimitCheck, LinkCapsule, load::LoadRating};
 
 /// Lengths and angle conventions of an ortho-parallel arm with a spherical wrist.
 ///
@@ -46,10 +46,14 @@ pub struct ArmParams {
     pub speed_rad_per_s: Joints,
     /// Greatest joint accelerations with nominal load, rad/s^2.
     pub acceleration_rad_per_s2: Joints,
+    /// Greatest joint jerks with nominal load, rad/s^3.
+    pub jerk_rad_per_s3: Joints,
     /// Greatest speed of the load in space, m/s.
     pub cartesian_speed_m_per_s: f64,
     /// What the wrist may carry.
     pub load: LoadRating,
+    /// Where the arm waits: the hand high, so that it comes to objects from above, joint angles.
+    pub rest_rad: Joints,
     /// Bodies for collision checks.
     pub capsules: Vec<LinkCapsule>,
 }
@@ -57,6 +61,14 @@ pub struct ArmParams {
 /// Time in which the RX60 is taken to reach full speed. The manual gives no accelerations, so this is an assumption: with
 /// 0.3 s axis 1 speeds up the wrist of the stretched arm (0.6 m) by 10 m/s^2.
 const RX60_RUN_UP_S: f64 = 0.3;
+
+/// Time in which the RX60 is taken to reach full acceleration. No jerk is published: this is an assumption, of the order
+/// of the controllers of such arms, and above a period of their lowest resonance.
+const RX60_JERK_RISE_S: f64 = 0.1;
+
+/// Angles of the formulas at rest: the upper arm leans back a little, the forearm reaches forward, and the hand hangs
+/// over the working space, leaning out. On the RX60 the stretched fingers then end 0.4 m above the table.
+pub(super) const REST_THETA: Joints = [0.0, -0.12, 1.3, 0.0, 1.6, 0.0];
 
 /// Thickness of the plate between the flange (ISO 9409-1-A31.5) and the hand's wrist plane. An assumption: another
 /// laboratory mounts the same hand without any plate.
@@ -105,8 +117,8 @@ impl OpwGeometry {
 impl ArmParams {
     /// Stäubli RX60.
     ///
-    /// Limits, speeds, payload and wrist torques are the manual's tables; the accelerations are assumed (see
-    /// `RX60_RUN_UP_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
+    /// Limits, speeds, payload and wrist torques are the manual's tables; accelerations and jerks are assumed (see
+    /// `RX60_RUN_UP_S`, `RX60_JERK_RISE_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
     /// may differ.
     #[must_use]
     pub fn rx60() -> Self {
@@ -120,8 +132,10 @@ impl ArmParams {
             },
             speed_rad_per_s,
             acceleration_rad_per_s2: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S),
+            jerk_rad_per_s3: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S / RX60_JERK_RISE_S),
             cartesian_speed_m_per_s: 1.8,
             load: LoadRating::rx60(),
+            rest_rad: REST_THETA,
             capsules: rx60_capsules(),
         }
     }
@@ -145,6 +159,8 @@ impl ArmParams {
             ("upper_rad", &self.limits.upper_rad),
             ("speed_rad_per_s", &self.speed_rad_per_s),
             ("acceleration_rad_per_s2", &self.acceleration_rad_per_s2),
+            ("jerk_rad_per_s3", &self.jerk_rad_per_s3),
+            ("rest_rad", &self.rest_rad),
         ];
         let axes = per_axis.iter().flat_map(|(name, values)| values.iter().map(|&v| (*name, v)));
         if let Some((name, value)) = lengths.into_iter().chain(axes).find(|(_, v)| !v.is_finite()) {
@@ -154,7 +170,8 @@ impl ArmParams {
             .into_iter()
             .chain([("cartesian_speed_m_per_s", self.cartesian_speed_m_per_s)])
             .chain(self.speed_rad_per_s.map(|v| ("speed_rad_per_s", v)))
-            .chain(self.acceleration_rad_per_s2.map(|v| ("acceleration_rad_per_s2", v)));
+            .chain(self.acceleration_rad_per_s2.map(|v| ("acceleration_rad_per_s2", v)))
+            .chain(self.jerk_rad_per_s3.map(|v| ("jerk_rad_per_s3", v)));
         if let Some((name, value)) = positive.into_iter().find(|(_, v)| *v <= 0.0) {
             return Err(ArmError::NotPositive { name, value });
         }
@@ -165,6 +182,21 @@ impl ArmParams {
             let [lower_rad, upper_rad] = [self.limits.lower_rad[i], self.limits.upper_rad[i]];
             if lower_rad >= upper_rad {
                 return Err(ArmError::Limits { axis: i + 1, lower_rad, upper_rad });
+            }
+        }
+        if let LimitCheck::Outside { axis, .. } = self.limits.check(&self.rest_rad) {
+            return Err(ArmError::Rest { axis, angle_rad: self.rest_rad[axis - 1] });
+        }
+        for capsule in &self.capsules {
+            if capsule.link > 6 {
+                return Err(ArmError::CapsuleLink { link: capsule.link });
+            }
+            let numbers = capsule.from.iter().chain(&capsule.to.coords).chain([&capsule.radius_m]);
+            if let Some(&value) = numbers.into_iter().find(|v| !v.is_finite()) {
+                return Err(ArmError::NotFinite { name: "capsule", value });
+            }
+            if capsule.radius_m <= 0.0 {
+                return Err(ArmError::NotPositive { name: "radius of a capsule", value: capsule.radius_m });
             }
         }
         Ok(())
