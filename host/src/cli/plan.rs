@@ -36,7 +36,7 @@ pub struct PlanArgs {
     /// Search: the paper's of 2005, or the wider one
     #[arg(long, value_enum, default_value_t)]
     pub strategy: Strategy,
-    /// Most attempts; 300 for paper, 4000 for best
+    /// Most attempts; 300 for paper, 10000 for best
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000), allow_negative_numbers = true)]
     pub attempts: Option<u32>,
     /// Epsilon at which the paper's search stops
@@ -106,7 +106,7 @@ impl Strategy {
     pub fn default_attempts(self) -> usize {
         match self {
             Self::Paper => 300,
-            Self::Best => 4000,
+            Self::Best => 10_000,
         }
     }
 }

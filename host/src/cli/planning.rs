@@ -9,7 +9,8 @@ use protocol::ids::FINGER_COUNT;
 
 use super::plan::Strategy;
 use crate::exec::{
-    GripContact, GripStiffness, LinkPush, balanced_forces, joint_squeeze_targets, squeeze_targets,
+    GripContact, GripStiffness, LEAST_TIP_SHARE, LinkPush, balanced_forces, joint_squeeze_targets,
+    squeeze_targets,
 };
 use crate::grasp::Convention;
 use crate::hand::{Posture, hit_dlr};
@@ -167,6 +168,9 @@ impl Planner<'_> {
                 epsilon_low: quality.epsilon_low,
                 epsilon_high: quality.epsilon_high,
                 expected_epsilon: grasp.robustness.map(|r| r.expected_epsilon),
+                closure_chance: grasp.robustness.map(|r| r.closure_chance),
+                limit_margin: grasp.robustness.map(|r| r.limit_margin),
+                seen_share: grasp.robustness.map(|r| r.seen_share),
             },
             object_from_palm: (&grasp.site.object_from_palm).into(),
             approach_site: (&approach).into(),
@@ -195,11 +199,12 @@ impl Planner<'_> {
         let weight_n = self.object.mass_kg * 9.81;
         let [least_n, most_n] = FINGER_FORCE_N.map(|n| n * contacts.len() as f64);
         let grip_n = (GRIP_SAFETY * weight_n / scene.friction.max(0.05)).clamp(least_n, most_n);
+        let is_precise = !scene.hand.candidates[grasp.candidate].wraps;
+        let least_share = if is_precise { LEAST_TIP_SHARE } else { 0.0 };
         let forces = [SQUEEZE_CONE_SHARE, 1.0]
             .iter()
-            .find_map(|share| balanced_forces(&contacts, share * scene.friction, grip_n).ok())?;
+            .find_map(|share| balanced_forces(&contacts, share * scene.friction, grip_n, least_share).ok())?;
         let palm_from_object = grasp.site.object_from_palm.inverse();
-        let is_precise = grasp.contacts.iter().all(|touch| touch.is_pad(&scene.hand));
         let squeeze = match &scene.hand.model {
             // The firmware's thumb presses by Cartesian impedance.
             Some(model) if is_precise => {

@@ -5,11 +5,15 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
+use nalgebra::Vector3;
 
 use super::Outcome;
-use crate::grasp::document::{GraspDocument, QualityDocument};
+use crate::grasp::document::GraspDocument;
+use crate::grasp::report::QualityDocument;
 use crate::grasp::{
-    Closure, ConeModel, Convention, ForceNorm, Norm, Quality, Separation, Settings, Workspace, evaluate,
+    Balance, Closure, ConeModel, ContactForce, Convention, Disturbance, ForceNorm, Limits, NamedConvention,
+    Norm, Quality, Resistance, Score, Separation, Settings, Task, TaskClosure, Workspace, Yardstick,
+    evaluate, evaluate_task, resist,
 };
 
 /// Longest document, bytes: some hundred times what the most contacts take.
@@ -19,7 +23,11 @@ const DOCUMENT: &str = r#"Contacts as a JSON document, in metres and newtons; `-
 {"contacts":[{"point":[x,y,z],"normal":[x,y,z],"friction":f,"torsional_m":m,"max_force_n":n}],
  "center_of_mass":[x,y,z],"torque_scale_m":r}
 Normals point into the object. Optional: torsional_m (0), max_force_n (1), center_of_mass (centroid of the points),
-torque_scale_m (largest distance of a contact from it)"#;
+torque_scale_m (largest distance of a contact from it), and for --convention
+"object":{"vertices":[[x,y,z]],"bounding_box":{"min":[x,y,z],"max":[x,y,z]},
+          "surface":[{"point":[x,y,z],"normal":[x,y,z],"friction":f}]}
+graspit needs center_of_mass and vertices (or torque_scale_m); frogger center_of_mass; simox and dexnet center_of_mass
+and bounding_box or vertices; simox also surface, contacts spread over the object; dexgraspbench nothing"#;
 
 /// Measure a grasp: force closure or not, and epsilon, the worst disturbance that it withstands
 #[derive(Debug, Clone, Args)]
@@ -30,6 +38,9 @@ pub struct QualityArgs {
     /// Contacts as a JSON document; `-` reads standard input
     #[arg(value_name = "CONTACTS.json", long_help = DOCUMENT)]
     pub path: PathBuf,
+    /// Measure as another program does; CONTACTS.json may need to know more of the object (see below)
+    #[arg(long, value_name = "NAME", value_parser = named, conflicts_with_all = ["edges", "norm", "force_norm"])]
+    pub convention: Option<NamedConvention>,
     /// Edges of the friction pyramids, or `exact` for the circular cone
     #[arg(long, value_name = "N|exact", default_value = "exact", value_parser = cone, allow_negative_numbers = true)]
     pub edges: ConeModel,
@@ -42,6 +53,13 @@ pub struct QualityArgs {
     /// Relative gap between the bounds on epsilon at which the search is done
     #[arg(long, value_name = "GAP", default_value_t = Settings::default().tolerance, value_parser = tolerance, allow_negative_numbers = true)]
     pub tolerance: f64,
+    /// Ask for the resistance to one wrench on the object as well: N and N m about the centre of mass
+    #[arg(long, value_name = "FX,FY,FZ,TX,TY,TZ", value_parser = disturbance, allow_hyphen_values = true, conflicts_with = "convention")]
+    pub resist: Option<Disturbance>,
+    /// Measure by an ellipsoid of disturbances as well, given by its semi-axes in N and N m; without it, by the document's
+    /// `task` if there is one
+    #[arg(long, value_name = "FX,FY,FZ,TX,TY,TZ", value_parser = semi_axes, allow_hyphen_values = true, conflicts_with = "convention")]
+    pub ellipsoid: Option<Box<Task>>,
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
@@ -75,6 +93,28 @@ fn cone(text: &str) -> Result<ConeModel, String> {
     ConeModel::edges(edges).map_err(|error| error.to_string())
 }
 
+fn named(text: &str) -> Result<NamedConvention, String> {
+    NamedConvention::ALL.into_iter().find(|convention| convention.name() == text).ok_or_else(|| {
+        let names: Vec<_> = NamedConvention::ALL.iter().map(|convention| convention.name()).collect();
+        format!("known are {}", names.join(", "))
+    })
+}
+
+fn numbers_of<const N: usize>(text: &str) -> Result<[f64; N], String> {
+    let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse()).collect();
+    let numbers = numbers.ok().and_then(|numbers| <[f64; N]>::try_from(numbers).ok());
+    numbers.ok_or_else(|| format!("give {N} numbers with commas between them"))
+}
+
+fn semi_axes(text: &str) -> Result<Box<Task>, String> {
+    Task::from_semi_axes(numbers_of(text)?).map(Box::new).map_err(|error| error.to_string())
+}
+
+fn disturbance(text: &str) -> Result<Disturbance, String> {
+    let [fx, fy, fz, tx, ty, tz] = numbers_of(text)?;
+    Disturbance::new(Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)).map_err(|error| error.to_string())
+}
+
 fn tolerance(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(gap @ 0.0..=1.0) => Ok(gap),
@@ -101,19 +141,143 @@ impl QualityArgs {
 }
 
 /// Reads the contacts, measures, and prints to `out`. [`Outcome::No`] when the grasp is not, or not certainly,
-/// force-closed.
+/// force-closed; with `--resist` or a task, when it does not resist the wrench or the ellipsoid at all.
 pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let grasp = (|| Ok::<_, anyhow::Error>(GraspDocument::from_json(&read(&args.path)?)?))()
         .with_context(|| format!("reading contacts from {}", args.path.display()))?;
+    if let Some(convention) = args.convention {
+        ensure!(grasp.task.is_none(), "{}: a task has no --convention", args.path.display());
+        return run_named(convention, &grasp, args, out);
+    }
     let settings = args.settings();
-    let found = evaluate(&grasp.contacts, &grasp.reference, &settings, &mut Workspace::new());
+    let mut workspace = Workspace::new();
+    let found = evaluate(&grasp.contacts, &grasp.reference, &settings, &mut workspace);
+    let resistance = args.resist.map(|disturbance| {
+        let found = resist(&grasp.contacts, &grasp.reference, &settings, &disturbance, &mut workspace);
+        let forces = match &found {
+            Resistance::Balanced(balance) | Resistance::Unfinished(balance) => {
+                balance.contact_forces(&grasp.contacts, &grasp.reference, &settings)
+            }
+            Resistance::None(_) => Vec::new(),
+        };
+        (found, forces)
+    });
+    let task = args.ellipsoid.as_deref().copied().or(grasp.task).map(|task| {
+        let limits = Limits::default();
+        evaluate_task(&grasp.contacts, &grasp.reference, &settings, &task, &limits, &mut workspace)
+    });
     if args.json {
-        let document = QualityDocument::new(&found, &settings, &grasp.reference);
+        let mut document = QualityDocument::new(&found, &settings, &grasp.reference);
+        if let Some((found, forces)) = &resistance {
+            document = document.with_resistance(found, forces);
+        }
+        if let Some(found) = &task {
+            document = document.with_task(found);
+        }
         writeln!(out, "{}", serde_json::to_string(&document)?)?;
     } else {
+        if let Some(found) = &task {
+            print_task(found, settings.norm, out)?;
+        }
+        if let Some((found, forces)) = &resistance {
+            print_resistance(found, forces, settings.norm, out)?;
+        }
         print(&found, &Convention::of(&settings, &grasp.reference), out)?;
     }
-    Ok(if found.quality().is_some() { Outcome::Done } else { Outcome::No })
+    let is_resisted = resistance.as_ref().map(|(found, _)| match found {
+        Resistance::Balanced(balance) | Resistance::Unfinished(balance) => balance.factor_low > 0.0,
+        Resistance::None(_) => false,
+    });
+    let is_withstood = task.as_ref().map(|found| found.quality().is_some());
+    let is_held = match (is_resisted, is_withstood) {
+        (None, None) => found.quality().is_some(),
+        (resisted, withstood) => resisted.unwrap_or(true) && withstood.unwrap_or(true),
+    };
+    Ok(if is_held { Outcome::Done } else { Outcome::No })
+}
+
+fn print_task(found: &TaskClosure, norm: Norm, out: &mut dyn Write) -> std::io::Result<()> {
+    let effort = match norm {
+        Norm::L1 => "for each newton of summed normal force",
+        Norm::LInf => "within each finger's limit",
+    };
+    match (found, found.quality()) {
+        (_, Some(q)) => {
+            writeln!(
+                out,
+                "withstands {} times the ellipsoid (at most {}) {effort}",
+                q.scale_low, q.scale_high
+            )
+        }
+        (TaskClosure::None { direction, .. }, _) => {
+            let direction = numbers(direction.as_slice());
+            writeln!(out, "withstands nothing of the ellipsoid: nothing is to spare along {direction}")
+        }
+        _ => writeln!(out, "undecided how much of the ellipsoid is withstood; the search gave up"),
+    }
+}
+
+fn print_resistance(
+    found: &Resistance,
+    forces: &[ContactForce],
+    norm: Norm,
+    out: &mut dyn Write,
+) -> std::io::Result<()> {
+    let effort = match norm {
+        Norm::L1 => "with normal forces that sum to 1 N",
+        Norm::LInf => "within each finger's limit",
+    };
+    match found {
+        Resistance::None(unbalanced) => {
+            let direction = numbers(unbalanced.direction.as_slice());
+            return writeln!(out, "the wrench is not resisted: nothing is exerted along {direction}");
+        }
+        Resistance::Unfinished(Balance { factor_low, factor_high, .. }) if *factor_low == 0.0 => {
+            return writeln!(
+                out,
+                "undecided: the wrench is resisted at most {factor_high} times; the search gave up"
+            );
+        }
+        Resistance::Balanced(Balance { factor_low, factor_high, .. })
+        | Resistance::Unfinished(Balance { factor_low, factor_high, .. }) => {
+            writeln!(out, "resists the wrench {factor_low} times (at most {factor_high}) {effort}, by")?;
+        }
+    }
+    for (index, ContactForce { force_n, torsion_nm }) in forces.iter().enumerate() {
+        let force = numbers(force_n.as_slice());
+        writeln!(out, "  contact {index}: force {force} N, moment about the normal {torsion_nm:.6} N m")?;
+    }
+    Ok(())
+}
+
+/// Measures as another program does.
+fn run_named(
+    convention: NamedConvention,
+    grasp: &GraspDocument,
+    args: &QualityArgs,
+    out: &mut dyn Write,
+) -> anyhow::Result<Outcome> {
+    let mut workspace = Workspace::new();
+    let yardstick = Yardstick::new(convention, &grasp.object, args.tolerance, &mut workspace)
+        .with_context(|| format!("measuring {}", args.path.display()))?;
+    let found = yardstick
+        .measure(&grasp.contacts, &mut workspace)
+        .with_context(|| format!("measuring {}", args.path.display()))?;
+    if args.json {
+        let document = QualityDocument::of_reproduction(&found, &yardstick.settings());
+        writeln!(out, "{}", serde_json::to_string(&document)?)?;
+    } else {
+        match found.score {
+            Score::Between { low, high } => {
+                writeln!(out, "{convention} says {low} (between {low} and {high})")?
+            }
+            Score::WithoutClosure(score) => writeln!(out, "{convention} says {score}")?,
+            Score::NotReproduced => writeln!(out, "what {convention} says is not reproduced")?,
+        }
+        print(&found.closure, &found.convention, out)?;
+        writeln!(out, "not reproduced: {}", convention.not_reproduced())?;
+    }
+    Ok(if found.closure.quality().is_some() { Outcome::Done } else { Outcome::No })
 }
 
 fn read(path: &Path) -> anyhow::Result<String> {
@@ -145,10 +309,12 @@ fn print(found: &Closure, convention: &Convention, out: &mut dyn Write) -> std::
             writeln!(out, "no force closure: {reason}")?;
             writeln!(out, "nothing is exerted along {} (margin {margin})", numbers(direction.as_slice()))?;
         }
-        Closure::Below(quality) | Closure::Unfinished(quality) if quality.epsilon_low > 0.0 => {
+        Closure::Below(quality) | Closure::Above(quality) | Closure::Unfinished(quality)
+            if quality.epsilon_low > 0.0 =>
+        {
             writeln!(out, "force closure, {}; the search gave up before the tolerance", bracket(quality))?;
         }
-        Closure::Below(quality) | Closure::Unfinished(quality) => {
+        Closure::Below(quality) | Closure::Above(quality) | Closure::Unfinished(quality) => {
             let high = quality.epsilon_high;
             writeln!(out, "undecided: epsilon is at most {high}{unit}; the search gave up")?;
         }

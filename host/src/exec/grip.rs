@@ -11,8 +11,8 @@ use crate::hand::{Hand, Posture};
 
 /// Alternating projections: a grasp with room inside its cones needs some tens.
 const SWEEPS: usize = 500;
-/// Least share of the mean normal force that every finger gets, so that none is idle.
-const LEAST_SHARE: f64 = 0.25;
+/// Least share of the mean normal force that every fingertip of a precision grasp gets, so that none is idle.
+pub const LEAST_TIP_SHARE: f64 = 0.25;
 /// Unbalanced rest that is accepted, as a share of the summed normal forces.
 const BALANCE_TOLERANCE: f64 = 0.02;
 
@@ -53,7 +53,8 @@ pub struct GripContact {
 
 /// Forces of the contacts on the object, N, in the contacts' frame and order, that balance each other within cones of
 /// `friction`, with normal forces that sum to `grip_n`. Keep `friction` at half of what is expected, so that the other
-/// half is left for weight and disturbance.
+/// half is left for weight and disturbance. Every contact gets `least_share` of the mean normal force: [`LEAST_TIP_SHARE`]
+/// where each finger touches once, 0 where links touch that nothing presses by itself.
 ///
 /// # Errors
 /// [`GripError::Unbalanced`] when the contacts do not oppose each other well enough.
@@ -61,6 +62,7 @@ pub fn balanced_forces(
     contacts: &[GripContact],
     friction: f64,
     grip_n: f64,
+    least_share: f64,
 ) -> Result<Vec<Vector3<f64>>, GripError> {
     let count = contacts.len();
     if count < 2 {
@@ -95,7 +97,7 @@ pub fn balanced_forces(
         let mut sum = 0.0;
         for (i, contact) in contacts.iter().enumerate() {
             let force = forces.fixed_rows::<3>(3 * i).into_owned();
-            let (inside, normal_n) = into_cone(&force, &contact.inward_normal, friction, LEAST_SHARE * mean);
+            let (inside, normal_n) = into_cone(&force, &contact.inward_normal, friction, least_share * mean);
             forces.fixed_rows_mut::<3>(3 * i).copy_from(&inside);
             sum += normal_n;
         }

@@ -9,7 +9,8 @@ mod profile;
 mod run;
 
 pub use grip::{
-    GripContact, GripError, GripStiffness, LinkPush, balanced_forces, joint_squeeze_targets, squeeze_targets,
+    GripContact, GripError, GripStiffness, LEAST_TIP_SHARE, LinkPush, balanced_forces, joint_squeeze_targets,
+    squeeze_targets,
 };
 pub use monitor::{FeltContact, Monitor, MonitorConfig, Touch, felt_contact};
 pub use outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};

@@ -1,4 +1,4 @@
-//! The documents of `prehend quality`: contacts in, quality out.
+//! The document that `prehend quality` reads: the contacts of a grasp, and what is known of its object.
 //!
 //! ```json
 //! {"contacts": [{"point": [0.03, 0, 0], "normal": [-1, 0, 0], "friction": 0.4, "torsional_m": 0.005, "max_force_n": 10}],
@@ -17,14 +17,34 @@
 //!
 //! The last two are what a tool can do that does not see the object. They change with the contacts, so give both to
 //! compare grasps of one object.
+//!
+//! `task` asks for the ellipsoid of disturbances that is withstood: `semi_axes` (three N, three N m) or a 6 x 6 `matrix`
+//! (their squares on its diagonal), and a `load` that always acts; wrenches on the object about `center_of_mass`.
+//!
+//! ```json
+//! {"task": {"semi_axes": [1, 1, 2, 0.02, 0.02, 0.01], "load": [0, 0, -2, 0, 0, 0]}}
+//! ```
+//!
+//! The conventions of other programs need more of the object, and name what is missing:
+//!
+//! ```json
+//! {"object": {"vertices": [[0.03, 0, 0]], "bounding_box": {"min": [-0.03, -0.03, 0], "max": [0.03, 0.03, 0.1]},
+//!             "surface": [{"point": [0.03, 0, 0], "normal": [-1, 0, 0], "friction": 0.4}]}}
+//! ```
+//!
+//! | field of `object` | meaning, default |
+//! |---|---|
+//! | `vertices` | vertices of its mesh; none |
+//! | `bounding_box` | least and greatest coordinates; those of the vertices |
+//! | `surface` | contacts that could be made, spread over it; none |
 
-use nalgebra::{Point3, Vector3, Vector6};
-use serde::{Deserialize, Serialize};
+use nalgebra::{Matrix6, Point3, Vector3};
+use serde::Deserialize;
 use thiserror::Error;
 
 use super::contact::{Contact, ContactError};
-use super::friction::ConeModel;
-use super::quality::{Closure, Convention, ForceNorm, NoClosure, Norm, Quality, Separation, Settings};
+use super::convention::ObjectGeometry;
+use super::task::{Task, TaskError};
 use super::wrench::{WrenchReference, WrenchReferenceError};
 
 /// Most contacts that a document may have: ten hands full of tactile pads.
@@ -47,6 +67,20 @@ pub enum DocumentError {
         /// What is wrong with it.
         source: ContactError,
     },
+    /// A contact in `object.surface` is not valid.
+    #[error("object.surface {index}: {source}")]
+    Sample {
+        /// Its place in the list, from 0.
+        index: usize,
+        /// What is wrong with it.
+        source: ContactError,
+    },
+    /// The ellipsoid is given twice or not at all.
+    #[error("task needs either semi_axes or matrix")]
+    Shape,
+    /// The task is not valid.
+    #[error("task: {0}")]
+    Task(#[from] TaskError),
     /// Centre of mass or torque scale is not valid.
     #[error(transparent)]
     Reference(#[from] WrenchReferenceError),
@@ -59,6 +93,10 @@ pub struct GraspDocument {
     pub contacts: Vec<Contact>,
     /// Centre and scale of torques.
     pub reference: WrenchReference,
+    /// What else is known of the object.
+    pub object: ObjectGeometry,
+    /// Disturbances to measure by.
+    pub task: Option<Task>,
 }
 
 #[derive(Deserialize)]
@@ -67,6 +105,46 @@ struct RawGrasp {
     contacts: Vec<RawContact>,
     center_of_mass: Option<[f64; 3]>,
     torque_scale_m: Option<f64>,
+    #[serde(default)]
+    object: RawObject,
+    task: Option<RawTask>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `semi_axes` or `matrix`")]
+struct RawTask {
+    semi_axes: Option<[f64; 6]>,
+    matrix: Option<[[f64; 6]; 6]>,
+    #[serde(default)]
+    load: [f64; 6],
+}
+
+impl RawTask {
+    fn checked(&self) -> Result<Task, DocumentError> {
+        let task = match (self.semi_axes, self.matrix) {
+            (Some(semi_axes), None) => Task::from_semi_axes(semi_axes)?,
+            (None, Some(rows)) => Task::from_matrix(&Matrix6::from_fn(|row, column| rows[row][column]))?,
+            _ => return Err(DocumentError::Shape),
+        };
+        Ok(task.with_load(self.load.into())?)
+    }
+}
+
+#[derive(Deserialize, Default)]
+#[serde(deny_unknown_fields, expecting = "an object with `vertices`, `bounding_box` or `surface`")]
+struct RawObject {
+    #[serde(default)]
+    vertices: Vec<[f64; 3]>,
+    bounding_box: Option<RawBox>,
+    #[serde(default)]
+    surface: Vec<RawContact>,
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, expecting = "an object with `min` and `max`")]
+struct RawBox {
+    min: [f64; 3],
+    max: [f64; 3],
 }
 
 #[derive(Deserialize)]
@@ -97,16 +175,28 @@ impl GraspDocument {
     /// Reads a document.
     pub fn from_json(text: &str) -> Result<Self, DocumentError> {
         let raw: RawGrasp = serde_json::from_str(text)?;
-        if raw.contacts.len() > MAX_CONTACTS {
-            return Err(DocumentError::TooManyContacts(raw.contacts.len()));
+        let most = raw.contacts.len().max(raw.object.surface.len());
+        if most > MAX_CONTACTS {
+            return Err(DocumentError::TooManyContacts(most));
         }
         let checked = |(index, contact): (usize, &RawContact)| {
             contact.checked().map_err(|source| DocumentError::Contact { index, source })
         };
         let contacts = raw.contacts.iter().enumerate().map(checked).collect::<Result<Vec<_>, _>>()?;
+        let sample = |(index, contact): (usize, &RawContact)| {
+            contact.checked().map_err(|source| DocumentError::Sample { index, source })
+        };
+        let object = ObjectGeometry {
+            center_of_mass_in_object: raw.center_of_mass.map(Point3::from),
+            vertices_in_object: raw.object.vertices.iter().copied().map(Point3::from).collect(),
+            radius_m: raw.torque_scale_m,
+            bounding_box_in_object: raw.object.bounding_box.map(|b| [b.min.into(), b.max.into()]),
+            surface: raw.object.surface.iter().enumerate().map(sample).collect::<Result<Vec<_>, _>>()?,
+        };
+        let task = raw.task.map(|task| task.checked()).transpose()?;
         let center = raw.center_of_mass.map_or_else(|| centroid(&contacts), Point3::from);
         let scale = raw.torque_scale_m.unwrap_or_else(|| farthest(&contacts, &center).unwrap_or(1.0));
-        Ok(Self { reference: WrenchReference::new(center, scale)?, contacts })
+        Ok(Self { reference: WrenchReference::new(center, scale)?, contacts, object, task })
     }
 }
 
@@ -121,112 +211,6 @@ fn farthest(contacts: &[Contact], center: &Point3<f64>) -> Option<f64> {
     distances.reduce(f64::max).filter(|&distance| distance > 0.0)
 }
 
-/// What `prehend quality --json` prints.
-///
-/// `closure` is `null` when the search ran out of iterations before it could tell. `epsilon` is the lower bound, the
-/// number to compare; fields that do not apply are absent.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct QualityDocument {
-    closure: Option<bool>,
-    /// Whether the bracket is as narrow as asked for, or the proof complete.
-    finished: bool,
-    #[serde(flatten)]
-    finding: Finding,
-    convention: ConventionDocument,
-    /// Support queries made.
-    iterations: usize,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-enum Finding {
-    Bracket { epsilon: f64, epsilon_low: f64, epsilon_high: f64, weakest_wrench: [f64; 6] },
-    Proof { reason: &'static str, separating_direction: [f64; 6], margin: f64 },
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize)]
-struct ConventionDocument {
-    edges: Edges,
-    norm: &'static str,
-    force_norm: &'static str,
-    epsilon_unit: &'static str,
-    wrench: &'static str,
-    center_of_mass: [f64; 3],
-    torque_scale_m: f64,
-    tolerance: f64,
-}
-
-#[derive(Debug, Clone, PartialEq, Serialize)]
-#[serde(untagged)]
-enum Edges {
-    Count(u16),
-    Exact(&'static str),
-}
-
-impl QualityDocument {
-    /// The document of an evaluation.
-    #[must_use]
-    pub fn new(closure: &Closure, settings: &Settings, reference: &WrenchReference) -> Self {
-        let (closed, finished, finding, iterations) = match closure {
-            Closure::Force(quality) => (Some(true), true, bracket(quality), quality.iterations),
-            Closure::None(separation) => (Some(false), true, proof(separation), separation.iterations),
-            Closure::Below(quality) | Closure::Unfinished(quality) => {
-                let closed = (quality.epsilon_low > 0.0).then_some(true);
-                (closed, false, bracket(quality), quality.iterations)
-            }
-        };
-        let convention = convention(&Convention::of(settings, reference), settings.tolerance);
-        Self { closure: closed, finished, finding, convention, iterations }
-    }
-}
-
-fn bracket(quality: &Quality) -> Finding {
-    Finding::Bracket {
-        epsilon: quality.epsilon(),
-        epsilon_low: quality.epsilon_low,
-        epsilon_high: quality.epsilon_high,
-        weakest_wrench: array(&quality.weakest_wrench),
-    }
-}
-
-fn proof(separation: &Separation) -> Finding {
-    let reason = match separation.reason {
-        NoClosure::NoContacts => "no-contacts",
-        NoClosure::Separated => "separated",
-        NoClosure::Flat => "flat",
-        NoClosure::Boundary => "boundary",
-    };
-    let separating_direction = array(&separation.direction);
-    Finding::Proof { reason, separating_direction, margin: separation.margin }
-}
-
-fn convention(convention: &Convention, tolerance: f64) -> ConventionDocument {
-    let (norm, epsilon_unit) = match convention.norm {
-        Norm::L1 => ("l1", "fraction of the total normal force"),
-        Norm::LInf => ("linf", "N"),
-    };
-    ConventionDocument {
-        edges: match convention.cone {
-            ConeModel::Exact => Edges::Exact("exact"),
-            ConeModel::Edges(count) => Edges::Count(count.get()),
-        },
-        norm,
-        force_norm: match convention.force_norm {
-            ForceNorm::Normal => "normal",
-            ForceNorm::Edge => "edge",
-        },
-        epsilon_unit,
-        wrench: "force, torque / torque_scale_m",
-        center_of_mass: convention.reference.center_of_mass_in_object().into(),
-        torque_scale_m: convention.reference.torque_scale_m(),
-        tolerance,
-    }
-}
-
-fn array(vector: &Vector6<f64>) -> [f64; 6] {
-    (*vector).into()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -239,7 +223,7 @@ mod tests {
     fn defaults_are_the_documented_ones() {
         let text = r#"{"contacts":[{"point":[0.0,1.0,0.0],"normal":[0,-2,0],"friction":0.4},
             {"point":[0,-3,0],"normal":[0,1,0],"friction":0.5,"torsional_m":0.01,"max_force_n":10}]}"#;
-        let GraspDocument { contacts, reference } = GraspDocument::from_json(text).unwrap();
+        let GraspDocument { contacts, reference, .. } = GraspDocument::from_json(text).unwrap();
         assert_eq!(reference.center_of_mass_in_object(), Point3::new(0.0, -1.0, 0.0));
         assert_eq!(reference.torque_scale_m(), 2.0);
         assert_eq!((contacts[0].torsional_m(), contacts[0].max_force_n()), (0.0, 1.0));
@@ -268,6 +252,15 @@ mod tests {
             (r#"{"contacts":[{"point":[0,0,1e999],"normal":[0,0,1],"friction":1}]}"#, "number out of range"),
             (r#"{"contacts":[{"point":[0,0,1e30],"normal":[0,0,1],"friction":1}]}"#, "contact 0: point"),
             (r#"{"contacts":[{"point":[0,0,0],"normal":[0,0,1],"friction":-1}]}"#, "friction -1"),
+            (r#"{"contacts":[],"object":{"mesh":"cup.stl"}}"#, "unknown field `mesh`"),
+            (r#"{"contacts":[],"object":{"bounding_box":{"min":[0,0,0]}}}"#, "missing field `max`"),
+            (
+                r#"{"contacts":[],"object":{"surface":[{"point":[0,0,0],"normal":[0,0,0],"friction":1}]}}"#,
+                "object.surface 0: normal",
+            ),
+            (r#"{"contacts":[],"task":{"load":[0,0,0,0,0,0]}}"#, "either semi_axes or matrix"),
+            (r#"{"contacts":[],"task":{"semi_axes":[1,1,1,1,1,0]}}"#, "task: semi-axis 0 is"),
+            (r#"{"contacts":[],"task":{"semi_axes":[1,1,1]}}"#, "invalid length 3"),
             (r#"{"contacts":[],"torque_scale_m":0}"#, "torque_scale_m 0"),
             (r#"{"contacts":[],"torque_scale_m":NaN}"#, "line 1"),
         ] {

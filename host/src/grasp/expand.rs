@@ -19,6 +19,10 @@ const FLOOR: f64 = 1e-11;
 /// Gaps that cannot be closed any further, as a fraction of the bound of the set.
 const GAP: f64 = 4e-12;
 
+/// Cosine of the angle within which directions are one, and facets that are looked at to find another.
+const CLOSE: f64 = 0.995;
+const MAX_OTHERS: usize = 100;
+
 /// Reaches up to this one are zero for a set whose points are not longer than `bound`.
 pub(super) fn floor(bound: f64) -> f64 {
     FLOOR * bound
@@ -31,6 +35,8 @@ pub(super) struct Goal {
     pub(super) tolerance: f64,
     /// Upper bounds below this one are not worth refining.
     pub(super) reject_below: Option<f64>,
+    /// Lower bounds from this one on are good enough.
+    pub(super) accept_above: Option<f64>,
     /// Support queries.
     pub(super) max_queries: usize,
 }
@@ -44,6 +50,8 @@ pub(super) enum Stop {
     Outside,
     /// The distance is less than was asked for.
     Below,
+    /// The distance is as much as was asked for, and the bracket wider than the tolerance.
+    Above,
     /// Queries, facets or digits ran out.
     Unfinished,
 }
@@ -95,8 +103,58 @@ impl<F: FnMut(&Vector6<f64>) -> Vector6<f64>> Probe<F> {
     }
 }
 
+/// The facet that a search ended with, for who wants to know what holds it there.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Witness {
+    /// Whether the next search is to leave one. It costs a little, and facets next to the bound are kept.
+    pub(super) is_wanted: bool,
+    /// Distances that differ by less than this fraction are equal, where it is asked whether one direction is the
+    /// weakest.
+    pub(super) margin: f64,
+    /// The directions in which the points of the polytope are the farthest ones.
+    directions: Vec<Vector6<f64>>,
+    facet: Option<Facet>,
+}
+
+/// A facet by the directions in which its six corners are the farthest points of the set.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Facet {
+    pub(super) directions: [Vector6<f64>; 6],
+    pub(super) normal: Vector6<f64>,
+    /// In no direction that is not close to the normal does the set reach as little.
+    pub(super) is_only: bool,
+}
+
+impl Witness {
+    /// What the last search left.
+    pub(super) fn facet(&self) -> Option<&Facet> {
+        self.facet.as_ref()
+    }
+
+    /// Facets nearer than this are kept while the upper bound is `high`.
+    fn worth(&self, high: f64) -> f64 {
+        if self.is_wanted { high * (1.0 + self.margin) } else { high }
+    }
+
+    fn note(&mut self, direction: &Vector6<f64>) {
+        if self.is_wanted {
+            self.directions.push(*direction);
+        }
+    }
+
+    fn start(&mut self, directions: &[Vector6<f64>; 7]) {
+        self.directions.clear();
+        self.facet = None;
+        directions.iter().for_each(|direction| self.note(direction));
+    }
+}
+
 /// A polytope inside the set that grows where it is nearest to the origin.
 trait Inner {
+    /// Whether the bounds have met when no facet is nearer than the upper one; else one has been lost.
+    const MEETS: bool;
+    /// Corners of a facet that was taken out last, by the order of their coming.
+    fn corners(&self, facet: u32) -> [usize; 6];
     /// Takes out the facet nearest to the origin; `None` when none is nearer than `worth`.
     fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck>;
     /// Grows to the hull with `point`, which was found beyond the facet that was taken out last.
@@ -104,8 +162,14 @@ trait Inner {
 }
 
 impl Inner for Polar {
+    const MEETS: bool = false;
+
+    fn corners(&self, facet: u32) -> [usize; 6] {
+        self.corners(facet)
+    }
+
     fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
-        self.pop_nearest(worth).map(Some)
+        self.pop_nearest(worth)
     }
 
     fn insert(&mut self, _facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
@@ -114,6 +178,12 @@ impl Inner for Polar {
 }
 
 impl Inner for Polytope {
+    const MEETS: bool = true;
+
+    fn corners(&self, facet: u32) -> [usize; 6] {
+        self.corners(facet)
+    }
+
     /// Facets farther than `worth` have not been queued.
     fn pop_nearest(&mut self, _worth: f64) -> Result<Option<Nearest>, Stuck> {
         Ok(self.pop_nearest())
@@ -131,6 +201,7 @@ pub(super) struct Hulls {
     pub(super) polar: Option<Polar>,
     /// All facets: slower, but it takes any body.
     pub(super) polytope: Polytope,
+    pub(super) witness: Witness,
 }
 
 /// Brackets the distance from the origin to the boundary of the set whose support function is `farthest` and whose
@@ -146,28 +217,40 @@ pub(super) fn bracket(
         Bracket { low: f64::NEG_INFINITY, high: f64::INFINITY, direction: Vector6::x(), queries: 0 };
     let mut probe =
         Probe { farthest, bracket: nothing, floor: floor(bound), reject_below: goal.reject_below };
-    let simplex = match grow_simplex(&mut probe, inside) {
-        Ok(simplex) => simplex,
+    let Hulls { polar, polytope, witness } = hulls;
+    witness.facet = None;
+    let Start { simplex, directions } = match grow_simplex(&mut probe, inside) {
+        Ok(found) => found,
         Err(stop) => return (stop, probe.bracket),
     };
-    let Hulls { polar, polytope } = hulls;
+    witness.start(&directions);
     let near = polar.as_mut().and_then(|polar| {
-        polar.start(&simplex, bound, TIE * bound).and_then(|()| expand(polar, &mut probe, bound, goal)).ok()
+        polar
+            .start(&simplex, bound, TIE * bound)
+            .and_then(|()| expand(polar, &mut probe, bound, goal, witness))
+            .ok()
     });
     let stop = near.unwrap_or_else(|| {
+        witness.start(&directions);
         let whole = polytope.start(&simplex, TIE * bound);
-        let stop = whole.and_then(|()| expand(polytope, &mut probe, bound, goal));
+        let stop = whole.and_then(|()| expand(polytope, &mut probe, bound, goal, witness));
         polytope.release_excess();
         stop.unwrap_or(Stop::Unfinished)
     });
     (stop, probe.bracket)
 }
 
-/// Seven points of the set that span space, unless a direction was met in which it reaches too little.
+/// Seven points of the set that span space, and the directions in which they are the farthest.
+struct Start {
+    simplex: [Vector6<f64>; 7],
+    directions: [Vector6<f64>; 7],
+}
+
+/// Finds the points to start with, unless a direction was met in which it reaches too little.
 ///
 /// Each query goes from the span so far towards the origin, as GJK does; when the origin is in the span, it goes along any
 /// direction that is not. A flat set needs no test of its own: it cannot reach past the origin on both sides.
-fn grow_simplex<F>(probe: &mut Probe<F>, inside: &Vector6<f64>) -> Result<[Vector6<f64>; 7], Stop>
+fn grow_simplex<F>(probe: &mut Probe<F>, inside: &Vector6<f64>) -> Result<Start, Stop>
 where
     F: FnMut(&Vector6<f64>) -> Vector6<f64>,
 {
@@ -176,12 +259,12 @@ where
     if let Some(stop) = probe.refusal() {
         return Err(stop);
     }
-    let mut simplex = [first; 7];
+    let (mut simplex, mut directions) = ([first; 7], [towards; 7]);
     let mut span: [Vector6<f64>; 6] = [Vector6::zeros(); 6];
     for known in 0..6 {
         let axes = &span[..known];
         let off_span = without(&first, axes);
-        let direction = if off_span.norm() > 2.0 * probe.floor {
+        let mut direction = if off_span.norm() > 2.0 * probe.floor {
             without(&-off_span.normalize(), axes).normalize()
         } else {
             any_across(axes)
@@ -189,15 +272,16 @@ where
         let mut point = probe.ask(&direction);
         let reach = |point: &Vector6<f64>| (point - first).dot(&direction);
         if probe.refusal().is_none() && reach(&point) <= probe.floor {
-            point = probe.ask(&-direction);
+            direction = -direction;
+            point = probe.ask(&direction);
         }
         if let Some(stop) = probe.refusal() {
             return Err(stop);
         }
-        simplex[known + 1] = point;
+        (simplex[known + 1], directions[known + 1]) = (point, direction);
         span[known] = without(&without(&(point - first), axes), axes).normalize();
     }
-    Ok(simplex)
+    Ok(Start { simplex, directions })
 }
 
 /// The part of a vector across the span of orthonormal axes.
@@ -212,28 +296,73 @@ fn any_across(axes: &[Vector6<f64>]) -> Vector6<f64> {
     without(&best.normalize(), axes).normalize()
 }
 
-fn expand<F>(inner: &mut impl Inner, probe: &mut Probe<F>, bound: f64, goal: &Goal) -> Result<Stop, Stuck>
+fn expand<I: Inner, F>(
+    inner: &mut I,
+    probe: &mut Probe<F>,
+    bound: f64,
+    goal: &Goal,
+    witness: &mut Witness,
+) -> Result<Stop, Stuck>
 where
     F: FnMut(&Vector6<f64>) -> Vector6<f64>,
 {
     loop {
-        let nearest = inner.pop_nearest(probe.bracket.high)?;
+        let nearest = inner.pop_nearest(witness.worth(probe.bracket.high))?;
+        if nearest.is_none() && !I::MEETS {
+            return Err(Stuck);
+        }
         // Facets as far out as the upper bound do not count: when no other is left, the bounds have met.
         let low = nearest.map_or(probe.bracket.high, |facet| facet.low);
         probe.bracket.low = low.max(probe.bracket.low).min(probe.bracket.high);
-        if let Some(stop) = verdict(probe, bound, goal) {
+        let mut stop = verdict(probe, bound, goal);
+        let Some(nearest) = nearest else { return Ok(stop.unwrap_or(Stop::Unfinished)) };
+        if stop.is_none() {
+            if probe.bracket.queries >= goal.max_queries {
+                return Ok(Stop::Unfinished);
+            }
+            let point = probe.ask(&nearest.normal);
+            stop = verdict(probe, bound, goal);
+            if stop.is_none() {
+                inner.insert(nearest.facet, point, witness.worth(probe.bracket.high))?;
+                witness.note(&nearest.normal);
+            }
+        }
+        if let Some(stop) = stop {
+            if witness.is_wanted && stop == Stop::Inside {
+                let corners = inner.corners(nearest.facet);
+                let directions = corners.map(|corner| witness.directions[corner]);
+                let is_only = is_only(inner, probe, &nearest.normal, witness);
+                witness.facet = Some(Facet { directions, normal: nearest.normal, is_only });
+            }
             return Ok(stop);
         }
-        let Some(nearest) = nearest else { return Ok(Stop::Unfinished) };
-        if probe.bracket.queries >= goal.max_queries {
-            return Ok(Stop::Unfinished);
-        }
-        let point = probe.ask(&nearest.normal);
-        if let Some(stop) = verdict(probe, bound, goal) {
-            return Ok(stop);
-        }
-        inner.insert(nearest.facet, point, probe.bracket.high)?;
     }
+}
+
+/// Looks for another direction in which the set reaches as little as along `normal`. When it cannot be told, there may
+/// be one.
+fn is_only<F>(inner: &mut impl Inner, probe: &mut Probe<F>, normal: &Vector6<f64>, witness: &Witness) -> bool
+where
+    F: FnMut(&Vector6<f64>) -> Vector6<f64>,
+{
+    let worth = witness.worth(probe.bracket.high);
+    let mut others = 0;
+    while others < MAX_OTHERS {
+        let other = match inner.pop_nearest(worth) {
+            Ok(Some(facet)) if facet.low < worth => facet,
+            Ok(_) => return true,
+            Err(Stuck) => return false,
+        };
+        if other.normal.dot(normal) > CLOSE {
+            continue;
+        }
+        others += 1;
+        let point = (probe.farthest)(&other.normal);
+        if point.dot(&other.normal) < worth || inner.insert(other.facet, point, worth).is_err() {
+            return false;
+        }
+    }
+    false
 }
 
 fn verdict<F>(probe: &Probe<F>, bound: f64, goal: &Goal) -> Option<Stop>
@@ -242,5 +371,7 @@ where
 {
     let Bracket { low, high, .. } = probe.bracket;
     let narrow = low > 0.0 && high - low <= (goal.tolerance * high).max(GAP * bound);
-    probe.refusal().or(narrow.then_some(Stop::Inside))
+    let enough = low > 0.0 && goal.accept_above.is_some_and(|enough| low >= enough);
+    let accepted = || if narrow { Some(Stop::Inside) } else { enough.then_some(Stop::Above) };
+    probe.refusal().or_else(accepted)
 }

@@ -34,6 +34,10 @@ impl EdgeCount {
     /// The finest pyramid: it differs from the cone by less than a millionth of the friction force.
     pub const MAX: u16 = 4096;
 
+    /// Those of most programs' pyramids.
+    pub(super) const FOUR: Self = Self(4);
+    pub(super) const EIGHT: Self = Self(8);
+
     /// Checks the range.
     pub fn new(edges: u32) -> Result<Self, EdgeCountError> {
         match u16::try_from(edges) {
@@ -125,6 +129,20 @@ impl FrictionSet {
                 } else {
                     Vector3::new(cos, sin, 0.0)
                 }
+            }
+        }
+    }
+
+    /// Points that span all that reach as far along `g` as the farthest, to within `slack`.
+    pub(super) fn for_each_tie(&self, g: &Vector3<f64>, slack: f64, mut tell: impl FnMut(Vector3<f64>)) {
+        let axes = [Vector3::x(), Vector3::y(), Vector3::z()];
+        match self.model {
+            ConeModel::Exact if g.norm() > slack => {}
+            ConeModel::Exact => axes.into_iter().for_each(tell),
+            ConeModel::Edges(_) => {
+                let most = self.reach(g) - slack;
+                let edges = self.edges.iter().map(|&(cos, sin)| Vector3::new(cos, sin, 0.0));
+                edges.chain([axes[2], -axes[2]]).filter(|point| point.dot(g) >= most).for_each(&mut tell);
             }
         }
     }

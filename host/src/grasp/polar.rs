@@ -166,9 +166,9 @@ impl Polar {
         Ok(())
     }
 
-    /// The facet nearest to the origin. One nearer than `worth`, an upper bound of the distance, is always left, since
-    /// the search ends once the bounds meet; when there is none, rounding has lost one.
-    pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Nearest, Stuck> {
+    /// The facet nearest to the origin, if one is nearer than `worth`. When `worth` is an upper bound of the distance there
+    /// always is one, since the search ends once the bounds meet; or rounding has lost it.
+    pub(super) fn pop_nearest(&mut self, worth: f64) -> Result<Option<Nearest>, Stuck> {
         while let Some(next) = self.waiting.pop().filter(|next| next.distance < worth) {
             if self.vertices.len() == PROBATION.0 && next.distance < PROBATION.1 * worth {
                 return Err(Stuck);
@@ -177,10 +177,15 @@ impl Polar {
             if let Some(low) = self.visit(at, next.distance, worth)? {
                 let vertex = vertex_of(&self.vertices[usize::from(at)].columns);
                 let normal = Vector6::from(vertex).normalize();
-                return Ok(Nearest { facet: u32::from(at), normal, low });
+                return Ok(Some(Nearest { facet: u32::from(at), normal, low }));
             }
         }
-        Err(Stuck)
+        Ok(None)
+    }
+
+    /// Points of a facet, by the order of their coming.
+    pub(super) fn corners(&self, facet: u32) -> [usize; 6] {
+        self.vertices[facet as usize].basis.map(usize::from)
     }
 
     /// Grows to the hull with `point`, which was found beyond the facet that [`Polar::pop_nearest`] gave last.

@@ -139,6 +139,11 @@ impl Polytope {
         }
     }
 
+    /// Points of a facet, by the order of their coming.
+    pub(super) fn corners(&self, facet: u32) -> [usize; 6] {
+        self.facets[facet as usize].corners.map(|corner| corner as usize)
+    }
+
     /// Grows to the hull with `point`, which was found beyond `facet`. New facets no nearer than `worth` are not queued.
     pub(super) fn insert(&mut self, facet: u32, point: Vector6<f64>, worth: f64) -> Result<(), Stuck> {
         let apex = self.points.len() as u32;

@@ -35,6 +35,16 @@ pub enum ForceNorm {
     Edge,
 }
 
+impl ForceNorm {
+    /// The normal force that a contact with this friction exerts per unit.
+    pub(super) fn unit(self, friction: f64) -> f64 {
+        match self {
+            Self::Normal => 1.0,
+            Self::Edge => 1.0 / friction.hypot(1.0),
+        }
+    }
+}
+
 /// How to measure. The default is `GraspIt!`'s convention with the exact cone, to a millionth.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Settings {
@@ -66,44 +76,6 @@ impl Default for Settings {
             tolerance: 1e-6,
             max_iterations: 4000,
         }
-    }
-}
-
-/// Everything that a number depends on besides the contacts: without it an epsilon means nothing.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Convention {
-    /// Shape of the friction cones.
-    pub cone: ConeModel,
-    /// What bounds the effort.
-    pub norm: Norm,
-    /// What has unit length in a cone.
-    pub force_norm: ForceNorm,
-    /// Centre and scale of torques.
-    pub reference: WrenchReference,
-}
-
-impl Convention {
-    /// The convention of an evaluation.
-    #[must_use]
-    pub fn of(settings: &Settings, reference: &WrenchReference) -> Self {
-        let Settings { cone, norm, force_norm, .. } = *settings;
-        Self { cone, norm, force_norm, reference: *reference }
-    }
-}
-
-impl fmt::Display for Convention {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let unit = match self.force_norm {
-            ForceNorm::Normal => "unit normal force",
-            ForceNorm::Edge => "unit edge force",
-        };
-        let norm = match self.norm {
-            Norm::L1 => "normal forces sum to 1 (L1)",
-            Norm::LInf => "normal forces up to each finger's limit (L-infinity), in newtons",
-        };
-        let c = self.reference.center_of_mass_in_object();
-        let scale = self.reference.torque_scale_m();
-        write!(f, "{}, {unit}, {norm}, torque / {scale} m about ({}, {}, {})", self.cone, c.x, c.y, c.z)
     }
 }
 
@@ -200,8 +172,10 @@ pub enum Closure {
     /// No force closure, with the proof. An epsilon below 1e-11 of the longest wrench counts as none: the digits of the
     /// wrenches cannot tell.
     None(Separation),
-    /// Epsilon is below the floor that was asked for, if there is closure at all; it was not looked at further.
+    /// Epsilon is below [`Limits::reject_below`], if there is closure at all; it was not looked at further.
     Below(Quality),
+    /// Force closure, with an epsilon of at least [`Limits::accept_above`]; it was not looked at further.
+    Above(Quality),
     /// Iterations, facets or digits ran out. The bracket holds; closure is certain exactly when its lower bound is
     /// positive.
     Unfinished(Quality),
@@ -212,11 +186,31 @@ impl Closure {
     #[must_use]
     pub fn quality(&self) -> Option<&Quality> {
         match self {
-            Self::Force(quality) | Self::Below(quality) | Self::Unfinished(quality) => {
-                (quality.epsilon_low > 0.0).then_some(quality)
-            }
+            Self::Force(quality)
+            | Self::Below(quality)
+            | Self::Above(quality)
+            | Self::Unfinished(quality) => (quality.epsilon_low > 0.0).then_some(quality),
             Self::None(_) => None,
         }
+    }
+}
+
+/// What is enough to know about an epsilon, in its unit. The default asks for the number itself.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Limits {
+    /// Epsilons below this one are not measured any further: [`Closure::Below`].
+    pub reject_below: Option<f64>,
+    /// Epsilons that are certainly at least this one are not measured any further: [`Closure::Above`].
+    pub accept_above: Option<f64>,
+}
+
+impl Limits {
+    /// Whether epsilon is at least `threshold`, and no more than that: the cheapest answer. It is
+    /// [`Closure::Above`] or [`Closure::Below`], [`Closure::None`] without closure, and [`Closure::Force`] only when the
+    /// tolerance was met first, with the threshold between the bounds or next to them.
+    #[must_use]
+    pub fn at(threshold: f64) -> Self {
+        Self { reject_below: Some(threshold), accept_above: Some(threshold) }
     }
 }
 
@@ -224,8 +218,8 @@ impl Closure {
 /// evaluations free of allocation, but for those whose wrenches are as round as a ball.
 #[derive(Debug, Clone)]
 pub struct Workspace {
-    map: GraspMap,
-    hulls: Hulls,
+    pub(super) map: GraspMap,
+    pub(super) hulls: Hulls,
 }
 
 impl Workspace {
@@ -259,7 +253,7 @@ pub fn evaluate(
     settings: &Settings,
     workspace: &mut Workspace,
 ) -> Closure {
-    search(contacts, reference, settings, None, workspace)
+    evaluate_within(contacts, reference, settings, &Limits::default(), workspace)
 }
 
 /// Measures a grasp as long as it may be as good as `floor` (in the unit of epsilon), and stops with
@@ -274,19 +268,27 @@ pub fn evaluate_above(
     floor: f64,
     workspace: &mut Workspace,
 ) -> Closure {
-    search(contacts, reference, settings, Some(floor), workspace)
+    let limits = Limits { reject_below: Some(floor), accept_above: None };
+    evaluate_within(contacts, reference, settings, &limits, workspace)
 }
 
-fn search(
+/// Measures a grasp as far as `limits` need it, and stops with [`Closure::Below`] or [`Closure::Above`] as soon as the
+/// bracket is beyond one of them.
+pub fn evaluate_within(
     contacts: &[Contact],
     reference: &WrenchReference,
     settings: &Settings,
-    reject_below: Option<f64>,
+    limits: &Limits,
     workspace: &mut Workspace,
 ) -> Closure {
+    workspace.map.assign(contacts, reference, settings.cone, settings.force_norm);
+    search(settings, limits, workspace)
+}
+
+/// Measures the grasp whose map the workspace has.
+pub(super) fn search(settings: &Settings, limits: &Limits, workspace: &mut Workspace) -> Closure {
     let Workspace { map, hulls } = workspace;
-    map.assign(contacts, reference, settings.cone, settings.force_norm);
-    if contacts.is_empty() {
+    if map.bases().is_empty() {
         let direction = Vector6::x();
         return Closure::None(Separation {
             direction,
@@ -303,13 +305,18 @@ fn search(
     if settings.norm == Norm::LInf {
         // The set of L-infinity contains the origin always, on its boundary when there is no closure, and the way to
         // the boundary is long. The set of L1 is apart from the origin then, and a few queries show it.
-        let closure = Goal { tolerance: 1.0, reject_below: None, max_queries: settings.max_iterations };
+        let closure = Goal {
+            tolerance: 1.0,
+            reject_below: None,
+            accept_above: None,
+            max_queries: settings.max_iterations,
+        };
         let (stop, found) = bracket(Norm::L1, &closure);
         spent = found.queries;
         match stop {
             Stop::Inside => {}
             Stop::Outside => return Closure::None(separation(map, &found)),
-            Stop::Below | Stop::Unfinished => {
+            Stop::Below | Stop::Above | Stop::Unfinished => {
                 let high = map.reach(&found.direction, Norm::LInf).unwrap_or(0.0);
                 return Closure::Unfinished(Quality::of(&Bracket { low: 0.0, high, ..found }));
             }
@@ -317,7 +324,8 @@ fn search(
     }
     let goal = Goal {
         tolerance: settings.tolerance,
-        reject_below,
+        reject_below: limits.reject_below,
+        accept_above: limits.accept_above,
         max_queries: settings.max_iterations.saturating_sub(spent),
     };
     let (stop, mut found) = bracket(settings.norm, &goal);
@@ -326,6 +334,7 @@ fn search(
         Stop::Inside => Closure::Force(Quality::of(&found)),
         Stop::Outside if settings.norm == Norm::L1 => Closure::None(separation(map, &found)),
         Stop::Below => Closure::Below(Quality::of(&found)),
+        Stop::Above => Closure::Above(Quality::of(&found)),
         // With force limits so far apart that the smaller ones drown in rounding, there is closure but no number.
         Stop::Outside | Stop::Unfinished => Closure::Unfinished(Quality::of(&found)),
     }

@@ -26,6 +26,17 @@ struct Reach {
     total: Lanes,
 }
 
+/// What one contact gives to the wrench that reaches farthest.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Part {
+    /// Its place among the contacts.
+    pub(super) contact: usize,
+    /// Normal force, in units of the norm.
+    pub(super) force: f64,
+    /// Friction per unit of normal force, as a point of the unit ball.
+    pub(super) friction: Vector3<f64>,
+}
+
 /// Finds the wrench of a grasp that reaches farthest along a direction.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Support {
@@ -79,6 +90,42 @@ impl Support {
                 }
                 sum
             }
+        }
+    }
+
+    /// Tells who makes up the wrench that [`Support::farthest`] finds.
+    pub(super) fn parts(
+        &self,
+        direction: &Vector6<f64>,
+        norm: Norm,
+        friction: &FrictionSet,
+        mut tell: impl FnMut(Part),
+    ) {
+        let direction = <[f64; 6]>::from(*direction);
+        let part = |at: usize, lane: usize, reach: &Reach, force: f64| Part {
+            contact: at * LANES + lane,
+            force,
+            friction: friction.farthest(&Vector3::from(reach.friction.map(|along| along[lane]))),
+        };
+        let (mut most, mut best) = (f64::NEG_INFINITY, None);
+        for (at, group) in self.groups.iter().enumerate() {
+            let reach = group.reach(&direction, friction);
+            for lane in 0..LANES {
+                match norm {
+                    Norm::L1 if reach.total[lane] > most => {
+                        most = reach.total[lane];
+                        best = Some(part(at, lane, &reach, 1.0));
+                    }
+                    // Lanes to spare have no force.
+                    Norm::LInf if reach.total[lane] > 0.0 && group.limits_n[lane] > 0.0 => {
+                        tell(part(at, lane, &reach, group.limits_n[lane]));
+                    }
+                    _ => {}
+                }
+            }
+        }
+        if let Some(best) = best {
+            tell(best);
         }
     }
 }

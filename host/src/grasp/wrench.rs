@@ -3,13 +3,13 @@
 //! A wrench is `[force; torque / torque_scale_m]`, force first, in the object frame and about the centre of mass. The
 //! division makes its six numbers one unit, so that a length in wrench space means something.
 
-use nalgebra::{Matrix6x4, Point3, Unit, Vector3, Vector4, Vector6};
+use nalgebra::{Matrix6, Matrix6x4, Point3, Unit, Vector3, Vector4, Vector6};
 use thiserror::Error;
 
 use super::contact::{Contact, MAX_LENGTH_M};
 use super::friction::{ConeModel, FrictionSet};
 use super::quality::{ForceNorm, Norm};
-use super::support::Support;
+use super::support::{Part, Support};
 
 /// Smallest torque scale, metres: keeps the quotient of two lengths finite, squared too.
 const MIN_TORQUE_SCALE_M: f64 = 1e-9;
@@ -97,10 +97,7 @@ impl WrenchBasis {
         let lever =
             (contact.point_in_object() - reference.center_of_mass_in_object) / reference.torque_scale_m;
         let friction = contact.friction();
-        let unit = match force_norm {
-            ForceNorm::Normal => 1.0,
-            ForceNorm::Edge => 1.0 / friction.hypot(1.0),
-        };
+        let unit = force_norm.unit(friction);
         let pushing = |force: Vector3<f64>| wrench(force, lever.cross(&force));
         let twisting = |torque: Vector3<f64>| wrench(Vector3::zeros(), torque);
         Self(Matrix6x4::from_columns(&[
@@ -109,6 +106,20 @@ impl WrenchBasis {
             pushing(second) * (unit * friction),
             twisting(*normal) * (unit * friction * (contact.torsional_m() / reference.torque_scale_m)),
         ]))
+    }
+
+    /// Force, and moment about the normal, of a contact per unit of its normal force, with friction from the unit ball;
+    /// newtons and newton metres, object frame.
+    pub(super) fn push(
+        contact: &Contact,
+        force_norm: ForceNorm,
+        friction: &Vector3<f64>,
+    ) -> (Vector3<f64>, f64) {
+        let normal = contact.inward_normal_in_object();
+        let [first, second] = tangents(&normal);
+        let (unit, mu) = (force_norm.unit(contact.friction()), contact.friction());
+        let force = normal.into_inner() + (first * friction.x + second * friction.y) * mu;
+        (force * unit, unit * mu * contact.torsional_m() * friction.z)
     }
 
     /// What the contact's normal force and friction do along `direction`: the transpose of the basis times it.
@@ -131,9 +142,13 @@ fn wrench(force: Vector3<f64>, torque: Vector3<f64>) -> Vector6<f64> {
 /// the normal is near X: pyramids start there, so it is part of their definition.
 #[must_use]
 pub fn tangents(normal: &Unit<Vector3<f64>>) -> [Vector3<f64>; 2] {
-    let axis = if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() };
-    let first = normal.cross(&axis).normalize();
+    let first = normal.cross(&first_axis(normal)).normalize();
     [first, normal.cross(&first)]
+}
+
+/// The axis that the first tangent is across.
+pub(super) fn first_axis(normal: &Unit<Vector3<f64>>) -> Vector3<f64> {
+    if normal.x.abs() < 0.9 { Vector3::x() } else { Vector3::y() }
 }
 
 /// The wrenches that a grasp can exert, as the support function of a convex set: how far it reaches in a direction, and
@@ -190,6 +205,14 @@ impl GraspMap {
         self.support.assign(&self.bases, &self.limits_n);
     }
 
+    /// Takes every wrench through a linear map.
+    pub(super) fn transform(&mut self, map: &Matrix6<f64>) {
+        for basis in &mut self.bases {
+            basis.0 = map * basis.0;
+        }
+        self.support.assign(&self.bases, &self.limits_n);
+    }
+
     /// One basis per contact, in their order.
     #[must_use]
     pub fn bases(&self) -> &[WrenchBasis] {
@@ -213,6 +236,11 @@ impl GraspMap {
         self.support.farthest(direction, norm, &self.friction)
     }
 
+    /// Tells which contacts make up the wrench that [`GraspMap::farthest`] finds, and with what.
+    pub(super) fn parts(&self, direction: &Vector6<f64>, norm: Norm, tell: impl FnMut(Part)) {
+        self.support.parts(direction, norm, &self.friction, tell);
+    }
+
     /// A length that no wrench of the set exceeds: the measure of what rounding can do.
     #[must_use]
     pub fn bound(&self, norm: Norm) -> f64 {
@@ -221,6 +249,39 @@ impl GraspMap {
             Norm::L1 => each.fold(0.0, f64::max),
             Norm::LInf => each.zip(&self.limits_n).map(|(bound, limit)| bound * limit).sum(),
         }
+    }
+
+    /// Whether only one combination of contact forces makes the wrenches that reach farthest along `direction`, to within
+    /// `slack`: whether what the contacts give to them is independent.
+    pub(super) fn is_unique(&self, direction: &Vector6<f64>, norm: Norm, slack: f64) -> bool {
+        let most = self.bases.iter().map(|basis| self.reach_of(basis, direction)).fold(f64::MIN, f64::max);
+        let (mut all, mut apart) = (Span::default(), 0);
+        for basis in &self.bases {
+            let reach = self.reach_of(basis, direction);
+            // What may be added to or taken from what this contact does.
+            let (is_free, is_pushing) = match norm {
+                Norm::L1 => (reach >= most - slack, false),
+                Norm::LInf => (reach.abs() <= slack, reach > slack),
+            };
+            if !(is_free || is_pushing) {
+                continue;
+            }
+            let (_, friction) = basis.components(direction);
+            let at = self.friction.farthest(&friction);
+            let mut own = Span::default();
+            if is_free {
+                let farthest = basis.0 * Vector4::new(1.0, at.x, at.y, at.z);
+                own.add(&farthest);
+                all.add(&farthest);
+            }
+            self.friction.for_each_tie(&friction, slack, |other| {
+                let step = basis.0.fixed_columns::<3>(1) * (other - at);
+                own.add(&step);
+                all.add(&step);
+            });
+            apart += own.dimension;
+        }
+        apart == all.dimension
     }
 
     /// Mean of the wrenches of the unit normal forces; zero without contacts.
@@ -232,5 +293,30 @@ impl GraspMap {
     fn reach_of(&self, basis: &WrenchBasis, direction: &Vector6<f64>) -> f64 {
         let (normal, friction) = basis.components(direction);
         normal + self.friction.reach(&friction)
+    }
+}
+
+/// The span of some wrenches, by orthonormal ones.
+#[derive(Debug, Default)]
+struct Span {
+    axes: [Vector6<f64>; 6],
+    dimension: usize,
+}
+
+impl Span {
+    /// Part of a wrench across the span, relative to it, that counts as none.
+    const DEPENDENT: f64 = 1e-7;
+
+    fn add(&mut self, wrench: &Vector6<f64>) {
+        let Some(mut rest) = wrench.try_normalize(1e-100) else { return };
+        for _ in 0..2 {
+            for axis in &self.axes[..self.dimension] {
+                rest -= axis * axis.dot(&rest);
+            }
+        }
+        if self.dimension < 6 && rest.norm() > Self::DEPENDENT {
+            self.axes[self.dimension] = rest.normalize();
+            self.dimension += 1;
+        }
     }
 }

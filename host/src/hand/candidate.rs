@@ -34,6 +34,8 @@ pub struct Candidate {
     pub around_rad: Option<[f64; MAX_FINGERS]>,
     /// Contact model.
     pub contact: ContactKind,
+    /// A power grasp: the palm presses and the fingers wrap around, links touching as well as tips.
+    pub wraps: bool,
 }
 
 impl Candidate {

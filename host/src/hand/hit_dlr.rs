@@ -22,6 +22,9 @@ const STRETCHED_MIDDLE_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Stiffness of the finger joints' position control, N m / rad: that of the firmware's control laws.
 const STIFFNESS_NM_PER_RAD: f64 = 6.0;
 
+/// Friction coefficient of links and palm, which are of metal and plastic: that of the simulated hand.
+const LINK_FRICTION: f64 = 0.3;
+
 /// SHA-256 over a hand's parameters, as they print in full precision.
 #[must_use]
 pub fn hash(model: &HandModel<f64>) -> String {
@@ -96,6 +99,8 @@ impl Hand {
                 half_extents_m: 0.5 * (high - low),
             }],
             grasp_center_in_palm: model.grasp_centre_in_palm,
+            pressing_in_palm: Vector3::x_axis(),
+            link_friction: LINK_FRICTION,
             tip_force_max_n: model.drive.tip_force_max_n,
             mass_kg: model.palm_mass_kg + FingerId::ALL.len() as f64 * finger_kg,
             candidates: typical(),
@@ -164,17 +169,17 @@ fn finger(model: &HandModel<f64>, id: FingerId) -> Result<Finger, FingerError> {
     Finger::new(id.name().to_owned(), segments, beads, Vector3::z_axis(), |_| [0.0; 2])
 }
 
-/// The eight candidates, the four-finger ones first. Angles in degrees in the table, radians in the result.
+/// Name, fingers (thumb, index, middle, ring), thumb rotation, spread (index, middle, ring), preshape of the fingers
+/// (flexion, middle), of the thumb, places around a centre (index, middle, ring), contact; angles in degrees.
+type Row = (&'static str, [bool; 4], f64, [f64; 3], [f64; 2], [f64; 2], Option<[f64; 3]>, ContactKind);
+
+/// The eight candidates, the four-finger ones first, and the power grasps behind them. Angles in degrees in the table, radians in the result.
 fn typical() -> Vec<Candidate> {
     use ContactKind::{Hard, Soft};
-    type Around = Option<[f64; 3]>;
-    // name, fingers (thumb, index, middle, ring), thumb rotation, spread (index, middle, ring), preshape of the fingers
-    // (flexion, middle), of the thumb, places around a centre (index, middle, ring), contact
-    type Row = (&'static str, [bool; 4], f64, [f64; 3], [f64; 2], [f64; 2], Around, ContactKind);
     let (timr, tim, tir) = ([true; 4], [true, true, true, false], [true, true, false, true]);
     let (ti, tm) = ([true, true, false, false], [true, false, true, false]);
     #[rustfmt::skip]
-    let rows: [Row; 8] = [
+    let rows: [Row; 10] = [
         ("quadpod", timr, 90.0, [-10.0, 0.0, 10.0], [25.0, 30.0], [15.0, 20.0], Some([110.0, 180.0, -110.0]), Hard),
         ("disk-rim", timr, 90.0, [-15.0, 0.0, 15.0], [20.0, 15.0], [10.0, 15.0], Some([120.0, 180.0, -120.0]), Hard),
         ("prismatic-4", timr, 90.0, [2.0, 0.0, -2.0], [30.0, 30.0], [15.0, 20.0], None, Hard),
@@ -183,24 +188,13 @@ fn typical() -> Vec<Candidate> {
         ("wide-triangle", tir, 90.0, [-12.0, 0.0, 12.0], [25.0, 30.0], [15.0, 20.0], Some([120.0, 0.0, -120.0]), Hard),
         ("palmar-pinch", ti, 75.0, [0.0, 0.0, 0.0], [40.0, 35.0], [25.0, 30.0], None, Soft),
         ("nip", tm, 90.0, [0.0, 0.0, 0.0], [50.0, 40.0], [35.0, 40.0], None, Soft),
+        ("power", timr, 90.0, [2.0, 0.0, -2.0], [45.0, 40.0], [45.0, 40.0], None, Hard),
+        ("power-turned", timr, 60.0, [2.0, 0.0, -2.0], [45.0, 40.0], [45.0, 40.0], None, Hard),
     ];
     rows.into_iter().map(candidate).collect::<Vec<_>>()
 }
 
-type Spread = [f64; 3];
-
-fn candidate(
-    (name, uses_of, rotation, spread, fingers, thumb, around, contact): (
-        &'static str,
-        [bool; 4],
-        f64,
-        Spread,
-        [f64; 2],
-        [f64; 2],
-        Option<Spread>,
-        ContactKind,
-    ),
-) -> Candidate {
+fn candidate((name, uses_of, rotation, spread, fingers, thumb, around, contact): Row) -> Candidate {
     let (mut open, mut closing) = (Posture::ZERO, Posture::ZERO);
     open[JointId::THUMB_ROTATION.index()] = rotation.to_radians();
     let abduction = [0.0, spread[0], spread[1], spread[2]];
@@ -228,6 +222,7 @@ fn candidate(
         lateral_in_palm: Unit::new_unchecked(Vector3::y()),
         around_rad,
         contact,
+        wraps: name.starts_with("power"),
     }
 }
 
@@ -317,7 +312,8 @@ mod tests {
     #[test]
     fn candidates_pass_through_the_preshape_and_stop_at_the_limits() {
         let hand = Hand::hit_dlr().unwrap();
-        assert_eq!(hand.candidates.len(), 8);
+        assert_eq!(hand.candidates.iter().filter(|c| !c.wraps).count(), 8);
+        assert!(hand.candidates.iter().any(|c| c.wraps));
         for candidate in &hand.candidates {
             assert!(candidate.uses[candidate.opposing], "{}: nothing opposes", candidate.name);
             assert_eq!(candidate.contact == ContactKind::Soft, candidate.finger_count() == 2);

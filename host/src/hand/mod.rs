@@ -11,7 +11,7 @@ mod inverse;
 mod posture;
 
 use hand_model::HandModel;
-use nalgebra::{Isometry3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 
 pub use candidate::{Candidate, ContactKind};
 pub use finger::{Bead, Finger, Part, Segment};
@@ -64,6 +64,10 @@ pub struct Hand {
     pub palm: Vec<PalmBox>,
     /// Where grasped things usually are, palm frame: the middle between the tips of a half closed hand.
     pub grasp_center_in_palm: Point3<f64>,
+    /// Direction in which the palm presses on what it holds, palm frame: out of its grasping side.
+    pub pressing_in_palm: Unit<Vector3<f64>>,
+    /// Greatest friction coefficient that links and palm, which have no rubber, are planned with.
+    pub link_friction: f64,
     /// What a fingertip can press continuously, newtons.
     pub tip_force_max_n: f64,
     /// Mass of the whole hand, kg.

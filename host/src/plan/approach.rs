@@ -15,8 +15,7 @@ const TRACE_STEP_MIN_M: f64 = 2.0e-4;
 /// Overlap of beads of two fingers that is still no collision, metres: the chains are rounder than the links.
 const SELF_OVERLAP_M: f64 = 0.002;
 
-/// Spacing of the palm's stations along the approach, metres. The palm is thick: stations a third of a fingertip's
-/// diameter apart miss nothing that it could hit.
+/// How near the palm may pass along its way before the check refuses it, metres; also what bounds the check's cost.
 const STATION_M: f64 = 0.008;
 
 /// Whether the palm alone is clear of table and object with the hand at the grasp.
@@ -38,12 +37,13 @@ pub(super) fn free_approach(scene: &Scene, site: &Site, open: &Posture) -> Resul
             return Err(Rejection::HitsTable);
         }
     }
-    let stations = (scene.approach_m / STATION_M).ceil() as usize;
-    for station in 0..=stations {
-        let back_m = scene.approach_m * station as f64 / stations as f64;
-        if palm_cuts_object(scene, &(Translation3::from(back * back_m) * site.object_from_palm)) {
-            return Err(Rejection::PalmHitsObject);
-        }
+    let far = Translation3::from(back * scene.approach_m) * site.object_from_palm;
+    let way = -back * scene.approach_m;
+    let cuts = |part: &PalmBox| {
+        scene.surface.cuts_moving_box(&(far * part.palm_from_box), &part.half_extents_m, &way, STATION_M)
+    };
+    if scene.hand.palm.iter().any(cuts) {
+        return Err(Rejection::PalmHitsObject);
     }
     let object_from_palm = matrix(&site.object_from_palm);
     for chain in &scene.hand.fingers {
@@ -77,19 +77,16 @@ fn hits_on_way(scene: &Scene, center: &Point3<f64>, radius_m: f64, back: &Vector
     false
 }
 
-fn palm_cuts_object(scene: &Scene, object_from_palm: &Isometry3<f64>) -> bool {
+pub(super) fn palm_cuts_object(scene: &Scene, object_from_palm: &Isometry3<f64>) -> bool {
     scene.hand.palm.iter().any(|part| {
         let object_from_box = object_from_palm * part.palm_from_box;
         let middle = Point3::from(object_from_box.translation.vector);
-        // A box farther away than its corners needs no look.
-        let bound_m = scene.surface.distance_bound_m(&middle);
-        bound_m < part.half_extents_m.norm()
-            && (scene.surface.cuts_box(&object_from_box, &part.half_extents_m)
-                || scene.surface.nearest(&middle).signed_distance_m < 0.0)
+        scene.surface.cuts_box(&object_from_box, &part.half_extents_m)
+            || scene.surface.nearest_within(&middle, 0.0).is_some()
     })
 }
 
-fn palm_clear_of_table(scene: &Scene, base_from_palm: &Isometry3<f64>) -> bool {
+pub(super) fn palm_clear_of_table(scene: &Scene, base_from_palm: &Isometry3<f64>) -> bool {
     let Some(table_height_m) = scene.table_height_m else { return true };
     scene
         .hand

@@ -5,11 +5,14 @@
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::approach::{fingers_collide, free_approach, hand_clear_of_table, palm_clear};
-use super::arm::Inverse;
+use super::arm::{Inverse, Joints};
 use super::best::rank::Errors;
 use super::closing::{Closing, Touch, close_finger};
+use super::hand_shape::HandShape;
+use super::obstacles::{ObjectPlace, Obstacles};
 use super::scene::Scene;
 use super::settle::Site;
+use super::wrap::wrap;
 use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate};
 use crate::hand::{Candidate, ContactKind, Hand, MAX_FINGERS, Part, Posture};
 
@@ -23,6 +26,9 @@ const PAD_COSINE_MIN: f64 = 0.26;
 
 /// The same for the tip, whose rubber is a cap: its front half and ten degrees more.
 const TIP_COSINE_MIN: f64 = -0.17;
+
+/// Between two sites some ten centimetres apart a joint turns by less than this while the arm keeps its configuration, rad.
+const SAME_CONFIGURATION_RAD: f64 = 1.2;
 
 /// How far the tips stand off their contacts before they close, metres, widest first: room for errors of scan, arm and
 /// calibration, as much as object, table and joint limits leave.
@@ -121,11 +127,13 @@ pub enum Rejection {
     PalmHitsObject,
     /// A finger that stands off, or is not used, touches the object at the grasp site or on the way there.
     FingerHitsObject,
+    /// The arm changes its configuration between the sites, or its links touch table or object at one.
+    ArmBlocked,
 }
 
 impl Rejection {
     /// All reasons, in order.
-    pub const ALL: [Self; 11] = [
+    pub const ALL: [Self; 12] = [
         Self::PalmBlocked,
         Self::Unreachable,
         Self::FingerInObject,
@@ -137,6 +145,7 @@ impl Rejection {
         Self::FingersCollide,
         Self::PalmHitsObject,
         Self::FingerHitsObject,
+        Self::ArmBlocked,
     ];
 
     /// Key in the plan document.
@@ -154,6 +163,7 @@ impl Rejection {
             Self::FingersCollide => "fingers-collide",
             Self::PalmHitsObject => "palm-hits-object",
             Self::FingerHitsObject => "finger-hits-object",
+            Self::ArmBlocked => "arm-blocked",
         }
     }
 }
@@ -194,6 +204,13 @@ pub fn close_hand(scene: &Scene, candidate: &Candidate, site: &Site) -> Closed {
     Closed { fingers }
 }
 
+/// A hand that has closed: where its palm is then, and its joints.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Seat {
+    pub(super) object_from_palm: Isometry3<f64>,
+    pub(super) posture: Posture,
+}
+
 /// Tries one grasp: `candidate` (number `index` of the hand's) with the palm at `site`.
 ///
 /// Errors with the first check that failed, in the order of [`Rejection`].
@@ -205,16 +222,52 @@ pub fn attempt(
     scratch: &mut AttemptScratch,
 ) -> Result<Grasp, Rejection> {
     // Cheapest first: what already stands in the way needs no arm and no fingers.
-    palm_clear(scene, &site.object_from_palm)?;
+    if !candidate.wraps {
+        palm_clear(scene, &site.object_from_palm)?;
+    }
     if !reachable(scene, site) {
         return Err(Rejection::Unreachable);
     }
-    let closed = close_hand(scene, candidate, site);
-    let mut grasp = site.preshape.start;
+    scratch.touches.clear();
+    let (site, pregrasp, grasp, quality) = if candidate.wraps {
+        let seat = wrap(scene, candidate, site, &mut scratch.touches)?;
+        let site = Site { object_from_palm: seat.object_from_palm, ..*site };
+        let quality = measure(scene, scratch)?;
+        let mut grasp = seat.posture;
+        let open = site.preshape.start;
+        let pregrasp = around(scene, candidate, &site, &open, &mut grasp, &|_| Some(open))?;
+        (site, pregrasp, grasp, quality)
+    } else {
+        let closed = close_hand(scene, candidate, site);
+        let mut grasp = site.preshape.start;
+        touch_with_tips(scene, candidate, site, &closed, &mut grasp, &mut scratch.touches)?;
+        let quality = measure(scene, scratch)?;
+        let fixed = grasp;
+        let stand_off = |stand_off_m| stand_off(scene, site, &closed, &fixed, stand_off_m);
+        let pregrasp = around(scene, candidate, site, &fixed, &mut grasp, &stand_off)?;
+        (*site, pregrasp, grasp, quality)
+    };
+    // Dearer than all before, and seldom refused.
+    if !arm_stays_clear(scene, &site, &pregrasp, &grasp) {
+        return Err(Rejection::ArmBlocked);
+    }
+    let contacts = scratch.touches.clone();
+    Ok(Grasp { candidate: index, site, pregrasp, grasp, contacts, quality, robustness: None })
+}
+
+/// Takes the touches of a closed hand, all of which have to be of rubber, and the joint angles of the touching fingers.
+fn touch_with_tips(
+    scene: &Scene,
+    candidate: &Candidate,
+    site: &Site,
+    closed: &Closed,
+    grasp: &mut Posture,
+    touches: &mut Vec<GraspContact>,
+) -> Result<(), Rejection> {
     for finger in candidate.fingers() {
         match closed.fingers[finger] {
             Some(Closing::Touches(touch)) => {
-                take_finger(&scene.hand, finger, &site.preshape.with_finger_at(touch.u), &mut grasp)
+                take_finger(&scene.hand, finger, &site.preshape.with_finger_at(touch.u), grasp);
             }
             Some(Closing::Misses) | None => return Err(Rejection::FingerMisses),
             Some(Closing::StartsInside) => return Err(Rejection::FingerInObject),
@@ -224,28 +277,18 @@ pub fn attempt(
         return Err(Rejection::NotOnPad);
     }
     let torsional_m = torsion(candidate);
-    scratch.touches.clear();
     for (finger, touch) in closed.touches() {
         let contact = contact_at(scene, &touch.point_in_object, &touch.inward_normal_in_object, torsional_m)?;
-        scratch.touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
+        touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
     }
-    let quality = measure(scene, scratch)?;
-    let pregrasp = open_up(scene, candidate, site, &closed, &mut grasp)?;
-    Ok(Grasp {
-        candidate: index,
-        site: *site,
-        pregrasp,
-        grasp,
-        contacts: scratch.touches.clone(),
-        quality,
-        robustness: None,
-    })
+    Ok(())
 }
 
 /// Whether palm and arm could be at a site at all; what fingers do there is another question.
 #[must_use]
-pub fn is_open_to(scene: &Scene, site: &Site) -> bool {
-    palm_clear(scene, &site.object_from_palm).is_ok() && reachable(scene, site)
+pub fn is_open_to(scene: &Scene, candidate: &Candidate, site: &Site) -> bool {
+    // A palm that is to touch is seated later.
+    (candidate.wraps || palm_clear(scene, &site.object_from_palm).is_ok()) && reachable(scene, site)
 }
 
 /// Epsilon of the contacts that the hand makes at `site` when friction and surface are not as planned; `None` where a
@@ -257,9 +300,24 @@ pub(super) fn quality_with_errors(
     errors: &Errors,
     scratch: &mut AttemptScratch,
 ) -> Option<f64> {
+    scratch.contacts.clear();
+    if candidate.wraps {
+        scratch.touches.clear();
+        wrap(scene, candidate, site, &mut scratch.touches).ok()?;
+        for (index, touch) in scratch.touches.iter().enumerate() {
+            let planned = &touch.contact;
+            let point = planned.point_in_object();
+            let is_seen = scene.seen.as_ref().is_none_or(|seen| seen.is_seen(&point));
+            let (point, normal) = errors.moved(index, &point, &planned.inward_normal_in_object(), is_seen);
+            let contact = Contact::new(point, normal.into_inner(), planned.friction() * errors.friction);
+            scratch.contacts.push(contact.ok()?);
+        }
+        let closure =
+            evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
+        return closure.quality().map(Quality::epsilon);
+    }
     let closed = close_hand(scene, candidate, site);
     let torsional_m = torsion(candidate);
-    scratch.contacts.clear();
     for finger in candidate.fingers() {
         let Some(Closing::Touches(touch)) = closed.fingers[finger] else { return None };
         if !on_rubber(&touch) {
@@ -313,18 +371,21 @@ fn measure(scene: &Scene, scratch: &mut AttemptScratch) -> Result<Quality, Rejec
     }
 }
 
-/// Finds the posture for the way to the object: tips standing off their contacts as far as there is room, fingers that
-/// are not used stretched or, where that is in the way, folded (in `grasp` too). Errors with the last obstacle.
-fn open_up(
+/// Finds the posture for the way to the object: used fingers opened by `opened` as far as there is room (it is given one
+/// of [`STAND_OFF_M`] and the joints of the fingers that are not used are put onto what it returns), fingers that are not
+/// used stretched or, where that is in the way, folded (in `grasp` too). Errors with the last obstacle.
+fn around(
     scene: &Scene,
     candidate: &Candidate,
     site: &Site,
-    closed: &Closed,
+    closed: &Posture,
     grasp: &mut Posture,
+    opened: &dyn Fn(f64) -> Option<Posture>,
 ) -> Result<Posture, Rejection> {
     let mut obstacle = Rejection::FingerHitsObject;
+    let idle = || (0..scene.hand.fingers.len()).filter(|&f| !candidate.uses[f]);
     for is_folded in [false, true] {
-        for finger in (0..scene.hand.fingers.len()).filter(|&f| !candidate.uses[f]) {
+        for finger in idle() {
             take_finger(&scene.hand, finger, &candidate.open, grasp);
             if is_folded {
                 fold(&scene.hand, finger, grasp);
@@ -336,14 +397,20 @@ fn open_up(
             obstacle = Rejection::FingersCollide;
         } else {
             for stand_off_m in STAND_OFF_M {
-                let Some(pregrasp) = stand_off(scene, site, closed, grasp, stand_off_m) else { continue };
+                let Some(mut pregrasp) = opened(stand_off_m) else { continue };
+                for finger in idle() {
+                    take_finger(&scene.hand, finger, grasp, &mut pregrasp);
+                }
                 match free_approach(scene, site, &pregrasp) {
                     Ok(()) => return Ok(pregrasp),
                     Err(reason) => obstacle = reason,
                 }
+                if pregrasp == *closed {
+                    break;
+                }
             }
         }
-        if candidate.finger_count() == scene.hand.fingers.len() {
+        if idle().next().is_none() {
             break;
         }
     }
@@ -416,6 +483,35 @@ pub fn palm_sites(scene: &Scene, site: &Site) -> [Isometry3<f64>; 3] {
 fn reachable(scene: &Scene, site: &Site) -> bool {
     let Some(arm) = &scene.arm else { return true };
     palm_sites(scene, site).iter().all(|base_from_palm| {
-        matches!(arm.palm_solutions_near(base_from_palm, &[0.0; 6]), Inverse::Solutions(_))
+        matches!(arm.palm_solutions_near(base_from_palm, &arm.params().rest_rad), Inverse::Solutions(_))
+    })
+}
+
+/// Whether the arm can hold the palm at approach, grasp and lifted site in one configuration whose links clear table and
+/// object there; true without an arm. The ways between are looked at when a grasp is written.
+fn arm_stays_clear(scene: &Scene, site: &Site, open: &Posture, closed: &Posture) -> bool {
+    let Some(arm) = &scene.arm else { return true };
+    let [approach, grasp, lift] = palm_sites(scene, site);
+    let rest_rad = &arm.params().rest_rad;
+    let Inverse::Solutions(starts) = arm.palm_solutions_near(&approach, rest_rad) else { return false };
+    let base_from_object = scene.base_from_object;
+    let [open, closed] = [open, closed].map(|posture| HandShape::of(&scene.hand, posture));
+    let obstacles = |hand, place| Obstacles::new(arm, hand, scene.table_height_m, &scene.surface, place);
+    let coming = obstacles(&open, ObjectPlace::Target { base_from_object });
+    let palm_from_object = site.object_from_palm.inverse();
+    let going = obstacles(&closed, ObjectPlace::Held { palm_from_object });
+    starts.iter().any(|start| {
+        let next = |pose: &Isometry3<f64>, from: &Joints| match arm.palm_solutions_near(pose, from) {
+            Inverse::Solutions(found) => found.first().map(|solution| solution.q_rad),
+            _ => None,
+        };
+        let is_near =
+            |a: &Joints, b: &Joints| a.iter().zip(b).all(|(a, b)| (a - b).abs() < SAME_CONFIGURATION_RAD);
+        let Some(at_grasp) = next(&grasp, &start.q_rad).filter(|q| is_near(q, &start.q_rad)) else {
+            return false;
+        };
+        let Some(at_lift) = next(&lift, &at_grasp).filter(|q| is_near(q, &at_grasp)) else { return false };
+        let is_clear = |obstacles: &Obstacles<'_>, q: &Joints| obstacles.clash_at(q).is_none();
+        is_clear(&coming, &start.q_rad) && is_clear(&coming, &at_grasp) && is_clear(&going, &at_lift)
     })
 }

@@ -58,6 +58,7 @@ pub fn close_finger(
         u_begin: preshape.u_begin[finger],
         u_end: preshape.u_end[finger],
         beads_from: 0,
+        may_begin_touching: false,
     };
     advance(surface, &hand.fingers[finger], object_from_palm, &way)
 }
@@ -75,6 +76,8 @@ pub struct Way {
     pub u_end: f64,
     /// Beads before this one are not looked at.
     pub beads_from: usize,
+    /// Whether a touch where the way begins is a touch; otherwise it is [`Closing::StartsInside`].
+    pub may_begin_touching: bool,
 }
 
 /// Moves a finger along a way until one of its beads touches.
@@ -120,7 +123,7 @@ pub fn advance(
                     let nearest = surface.nearest(&center);
                     bounds_m[i] = nearest.signed_distance_m - bead.radius_m;
                     if bounds_m[i] <= TOUCH_M {
-                        if step == 0 || nearest.signed_distance_m <= 0.0 {
+                        if step == 0 && !way.may_begin_touching || nearest.signed_distance_m <= 0.0 {
                             return Closing::StartsInside;
                         }
                         let push = Unit::new_normalize(nearest.point_in_object - center);

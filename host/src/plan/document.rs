@@ -19,7 +19,7 @@ use crate::surface::Mesh;
 /// First field of every plan document.
 pub const FORMAT: &str = "prehend-plan";
 /// Version of the fields below: raised when one changes its meaning.
-pub const VERSION: u32 = 1;
+pub const VERSION: u32 = 2;
 
 /// Why a document cannot be used.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -207,7 +207,7 @@ pub struct GraspInfo {
     pub grasp: Posture,
     /// Joint targets behind the surface that make the fingers press.
     pub squeeze: Posture,
-    /// One a finger.
+    /// One a finger; in power grasps more, and the palm's.
     pub contacts: Vec<ContactInfo>,
     /// Way of the arm from the approach site to the grasp site and up; `null` when the hand was planned alone.
     pub arm_motion: Option<ArmMotion>,
@@ -223,8 +223,14 @@ pub struct QualityInfo {
     pub epsilon_low: f64,
     /// Upper bound: the wrench space reaches no further in some direction.
     pub epsilon_high: f64,
-    /// Mean over sampled pose errors, where it was measured.
+    /// Mean over sampled errors of pose, friction and shape, lost closure counting 0, where it was measured.
     pub expected_epsilon: Option<f64>,
+    /// Share of those samples that close by force.
+    pub closure_chance: Option<f64>,
+    /// Least distance of a joint from its limits, as a share of its range: 0 at a limit.
+    pub limit_margin: Option<f64>,
+    /// Share of the contacts on surface that was measured, not completed.
+    pub seen_share: Option<f64>,
 }
 
 /// One contact of the grasp, in the object's frame.

@@ -83,7 +83,9 @@ pub fn touch_together(
     if let Some(joint) = (0..count).find(|&i| !(from[i].is_finite() && to[i].is_finite())) {
         return Err(FingerMotionError::NotFinite { joint });
     }
-    if let Some(joint) = (0..count).find(|&i| !(speed_limits_rad_per_s[i] > 0.0)) {
+    if let Some(joint) =
+        (0..count).find(|&i| speed_limits_rad_per_s[i].is_nan() || speed_limits_rad_per_s[i] <= 0.0)
+    {
         return Err(FingerMotionError::Speed { joint, value: speed_limits_rad_per_s[joint] });
     }
     let cruise = SPEED_SLACK / (1.0 - BLEND);

@@ -25,6 +25,7 @@ pub mod settle;
 pub mod surface_query;
 pub mod timing;
 pub mod trajectory;
+mod wrap;
 
 #[cfg(test)]
 mod tests;

@@ -160,7 +160,7 @@ impl<'a> Obstacles<'a> {
         let room = Room { levers_m: &self.levers_m, turns_rad: half };
         let reach_m = (1..=FLANGE).map(|link| room.of(0, link)).fold(0.0, f64::max);
         // A way that is no number is not free.
-        if !(2.0 * reach_m > RESOLUTION_M) {
+        if reach_m.is_nan() || 2.0 * reach_m <= RESOLUTION_M {
             return self.clash(&middle, [0.0; 6]);
         }
         // With this much room at the middle the whole way is free.

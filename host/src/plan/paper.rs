@@ -29,18 +29,7 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
     let mut result = SearchResult::empty();
     let mut sites: Vec<Tried> = Vec::new();
 
-    for stage in initial_approaches(scene) {
-        // All candidates in one approach before the next approach: the eight come first, as in the paper.
-        let proposals: Vec<Proposal> = stage
-            .iter()
-            .flat_map(|(approach, target)| (0..candidates.len()).map(move |c| (c, approach, target)))
-            .map(|(candidate, approach, target)| Proposal::Settle {
-                candidate,
-                approach: *approach,
-                target_in_object: *target,
-                width_m: None,
-            })
-            .collect();
+    for proposals in initial_proposals(scene) {
         for batch in proposals.chunks(BATCH) {
             let tried = try_all(scene, candidates, batch);
             let stop = record(&mut result, &tried, settings, true, progress);
@@ -57,6 +46,24 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
     refine(scene, settings, sites, &mut result, progress);
     result.rank();
     result
+}
+
+/// The first stage: all candidates but the power grasps, which are the paper's future work, in one approach before the next
+/// approach, so that the eight come first as in the paper.
+pub(super) fn initial_proposals(scene: &Scene) -> Vec<Vec<Proposal>> {
+    let precise =
+        || scene.hand.candidates.iter().enumerate().filter(|(_, c)| !c.wraps).map(|(index, _)| index);
+    let stage = |approaches: Vec<(Approach, Point3<f64>)>| {
+        let all = approaches.into_iter().flat_map(|at| precise().map(move |candidate| (candidate, at)));
+        let settle = |(candidate, (approach, target_in_object))| Proposal::Settle {
+            candidate,
+            approach,
+            target_in_object,
+            width_m: None,
+        };
+        all.map(settle).collect()
+    };
+    initial_approaches(scene).into_iter().map(stage).collect()
 }
 
 /// Second stage: small random motions about the best sites.

@@ -6,7 +6,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal, UnitSphere};
 
@@ -15,6 +15,7 @@ use super::preshape::{PreshapeTable, any_across};
 use super::samples::{across, through};
 use super::scene::Scene;
 use super::settle::{Approach, Site, placed, settle};
+use super::wrap::palm_over;
 
 /// Share of the proposals that lie between opposite surfaces; the others lie about the middle of the object.
 const OPPOSED_SHARE: f64 = 0.7;
@@ -37,11 +38,14 @@ const RISING_MAX: f64 = 0.17;
 
 /// A site for one candidate's preshapes, settled until the fingers touch together.
 pub(super) fn propose(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) -> Site {
+    if table.candidate().wraps {
+        return around(scene, table, rng);
+    }
     let mut last = None;
     for _ in 0..DRAWINGS {
         let Some(drawn) = draw(scene, rng) else { continue };
         let site = placed(scene, table, &drawn.approach, &drawn.target, drawn.width_m);
-        let is_open = is_open_to(scene, &site);
+        let is_open = is_open_to(scene, table.candidate(), &site);
         last = Some(drawn);
         if is_open {
             break;
@@ -49,6 +53,30 @@ pub(super) fn propose(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) 
     }
     let drawn = last.unwrap_or_else(|| about_the_middle(scene, rng));
     settle(scene, table, &drawn.approach, &drawn.target, drawn.width_m)
+}
+
+/// The palm over a random point of the surface, the fingers around what is under it.
+fn around(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) -> Site {
+    let candidate = table.candidate();
+    let mut preshape = *table.nearest(&scene.hand, f64::INFINITY);
+    preshape.start = candidate.open;
+    let mut site =
+        Site { object_from_palm: Isometry3::identity(), direction_in_object: Vector3::x_axis(), preshape };
+    for _ in 0..DRAWINGS {
+        let Some(under) = scene.sampler.draw(&scene.mesh, rng) else { break };
+        let direction = leaning(&-under.outward_normal, APPROACH_LEAN_RAD, rng);
+        if !may_come_along(scene, &direction) {
+            continue;
+        }
+        let turn = UnitQuaternion::from_axis_angle(&direction, rng.random_range(0.0..TAU));
+        let lateral = turn * any_across(&direction);
+        site.object_from_palm = palm_over(scene, candidate, &direction, &lateral, &under.point_in_object);
+        site.direction_in_object = direction;
+        if is_open_to(scene, candidate, &site) {
+            break;
+        }
+    }
+    site
 }
 
 struct Drawn {

@@ -165,3 +165,24 @@ fn the_arm_follows_a_grasp_in_straight_lines() {
     let heavy = plan(grasp, 5.0);
     assert_eq!(heavy, Err(MotionError::TooHeavy { object_kg: 5.0 }));
 }
+
+#[test]
+fn power_grasps_wrap_links_and_palm_around_a_large_body() {
+    let object = BuiltIn::Cylinder.object(1.4).unwrap();
+    let scene = Scene::new(object.mesh, Isometry3::identity(), None, None).unwrap();
+    let mut hand = scene.hand.clone();
+    hand.candidates.retain(|candidate| candidate.wraps);
+    let scene = scene.with_hand(hand);
+    let result = best::search(&scene, &few(400), &quiet);
+    let best = result.grasps.first().expect("a power grasp");
+    check(&scene, best);
+    let hand = &scene.hand;
+    assert!(best.contacts.iter().any(|c| c.finger.is_none()), "the palm presses");
+    assert!(best.contacts.iter().any(|c| c.finger.is_some() && !c.is_pad(hand)), "inner links press");
+    // Links have no rubber.
+    for touch in &best.contacts {
+        let friction = touch.contact.friction();
+        let rubber = touch.is_pad(hand);
+        assert!((friction - if rubber { scene.friction } else { hand.link_friction }).abs() < 1e-12);
+    }
+}

@@ -190,7 +190,7 @@ impl Trial<'_> {
         for _ in 0..ROUNDS {
             let fastest = Profile::new(self.intervals, &self.passes(&most));
             // Without this much, no peak of the speed can be cut to the width of the window.
-            if !(fastest.duration_s() > 2.0 * self.window_s) {
+            if fastest.duration_s().is_nan() || fastest.duration_s() <= 2.0 * self.window_s {
                 break;
             }
             let x = fastest.flattened(self.window_s);
@@ -203,8 +203,7 @@ impl Trial<'_> {
             if best.as_ref().is_none_or(|best| spline.duration_s() < best.duration_s()) {
                 best = Some(spline);
             }
-            // Not `worst <= ..`: a worst that is no number ends here too.
-            if !(worst > GOOD_ENOUGH) {
+            if worst.is_nan() || worst <= GOOD_ENOUGH {
                 break;
             }
             self.take_back(&mut most, &x, &excess, &places);

@@ -7,8 +7,8 @@ use protocol::ids::{FingerId, JOINT_COUNT};
 use super::plant::{Drive, GRAVITY, STEP_S};
 use super::*;
 use crate::exec::{
-    EventKind, Execution, ExecutionPlan, ExecutionSettings, GripContact, GripStiffness, Verdict,
-    balanced_forces, execute, squeeze_targets,
+    EventKind, Execution, ExecutionPlan, ExecutionSettings, GripContact, GripStiffness, LEAST_TIP_SHARE,
+    Verdict, balanced_forces, execute, squeeze_targets,
 };
 use crate::link::{Command, Link, ThumbLaw};
 use crate::object::BuiltIn;
@@ -241,7 +241,7 @@ fn cube_grasp(tip_friction: f64) -> CubeGrasp {
     grasp.fingers[3] = FingerAngles { abduction_rad: 0.0, flexion_rad: -0.05, middle_rad: 1.3 };
     let mut pregrasp = grasp;
     let mut forces = [None; 4];
-    let balanced = balanced_forces(&contacts, 0.2, 8.0).unwrap();
+    let balanced = balanced_forces(&contacts, 0.2, 8.0, LEAST_TIP_SHARE).unwrap();
     for ((finger, contact), force) in ids.into_iter().zip(&contacts).zip(balanced) {
         grasp.fingers[finger.index()] = angles(finger, contact, 0.0);
         pregrasp.fingers[finger.index()] = angles(finger, contact, 0.01);

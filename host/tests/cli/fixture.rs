@@ -101,7 +101,7 @@ fn fill_contacts(write: &dyn Fn(&str, &[u8])) {
 fn plan_damages() -> Vec<(&'static str, &'static str, Value)> {
     vec![
         ("other-format.json", "/format", json!("plan")),
-        ("other-version.json", "/version", json!(2)),
+        ("other-version.json", "/version", json!(99)),
         ("no-grasp.json", "/grasps", json!([])),
         ("grasps-are-text.json", "/grasps", json!("none")),
         ("more-fields.json", "/object/colour", json!("red")),

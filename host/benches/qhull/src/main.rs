@@ -63,7 +63,7 @@ impl Agreement {
         let epsilon = match found {
             Closure::Force(quality) => quality.epsilon_low,
             Closure::None(_) => 0.0,
-            Closure::Below(_) | Closure::Unfinished(_) => {
+            Closure::Below(_) | Closure::Above(_) | Closure::Unfinished(_) => {
                 self.unfinished += 1;
                 return;
             }

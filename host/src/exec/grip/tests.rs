@@ -16,7 +16,7 @@ fn box_grip() -> Vec<GripContact> {
 #[test]
 fn opposed_contacts_balance_within_their_cones() {
     let contacts = box_grip();
-    let forces = balanced_forces(&contacts, 0.2, 12.0).unwrap();
+    let forces = balanced_forces(&contacts, 0.2, 12.0, LEAST_TIP_SHARE).unwrap();
     let (mut force, mut torque, mut normal) = (Vector3::zeros(), Vector3::zeros(), 0.0);
     for (contact, f) in contacts.iter().zip(&forces) {
         let n = f.dot(&contact.inward_normal);
@@ -34,9 +34,15 @@ fn opposed_contacts_balance_within_their_cones() {
 fn contacts_on_one_side_are_refused() {
     let mut contacts = box_grip();
     contacts[0].inward_normal = Unit::new_normalize(Vector3::new(1.0, 0.0, 0.0));
-    assert!(matches!(balanced_forces(&contacts, 0.2, 12.0), Err(GripError::Unbalanced { .. })));
-    assert_eq!(balanced_forces(&contacts[..1], 0.2, 12.0), Err(GripError::TooFew(1)));
-    assert!(matches!(balanced_forces(&contacts, f64::NAN, 12.0), Err(GripError::NotFinite { .. })));
+    assert!(matches!(
+        balanced_forces(&contacts, 0.2, 12.0, LEAST_TIP_SHARE),
+        Err(GripError::Unbalanced { .. })
+    ));
+    assert_eq!(balanced_forces(&contacts[..1], 0.2, 12.0, LEAST_TIP_SHARE), Err(GripError::TooFew(1)));
+    assert!(matches!(
+        balanced_forces(&contacts, f64::NAN, 12.0, LEAST_TIP_SHARE),
+        Err(GripError::NotFinite { .. })
+    ));
 }
 
 #[test]

@@ -77,7 +77,7 @@ fn nearly_in_a_line_is_thin_but_not_wrong() {
             for settings in [exact, Settings { tolerance: 1e-4, ..edges(8) }] {
                 match measure(&contacts, 1.0, &settings) {
                     // The reach along rotation about the line bounds epsilon, from above and by definition.
-                    Closure::Force(q) | Closure::Unfinished(q) | Closure::Below(q) => {
+                    Closure::Force(q) | Closure::Below(q) | Closure::Above(q) | Closure::Unfinished(q) => {
                         assert!(
                             q.epsilon_low <= 4.0 * width && q.epsilon_low <= q.epsilon_high,
                             "{width:e} {q:?}"
@@ -191,7 +191,7 @@ fn extreme_numbers_end_in_an_outcome() {
                 let settings = Settings { max_iterations: 60, ..settings };
                 match measure(&contacts, scale, &settings) {
                     Closure::None(s) => assert!(s.verify(&contacts, &reference(scale), &settings)),
-                    Closure::Force(q) | Closure::Below(q) | Closure::Unfinished(q) => {
+                    Closure::Force(q) | Closure::Below(q) | Closure::Above(q) | Closure::Unfinished(q) => {
                         assert!(q.epsilon_low.is_finite() && q.epsilon_low <= q.epsilon_high, "{q:?}");
                     }
                 }

@@ -11,7 +11,7 @@ fn search(
     inside: Vector6<f64>,
     farthest: impl FnMut(&Vector6<f64>) -> Vector6<f64>,
 ) -> (Stop, Bracket) {
-    let goal = Goal { tolerance, reject_below: None, max_queries: 300 };
+    let goal = Goal { tolerance, reject_below: None, accept_above: None, max_queries: 300 };
     let mut hulls = Hulls { polar: Some(Polar::default()), ..Hulls::default() };
     bracket(&mut hulls, &inside, 10.0, &goal, farthest)
 }

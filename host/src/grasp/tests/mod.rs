@@ -1,9 +1,13 @@
 //! The metric against values that it did not make itself.
 mod brute_force;
+mod conventions;
 mod degenerate;
 mod expansion;
 mod golden;
+mod gradient;
 mod properties;
+mod resistance;
+mod task;
 mod two_algorithms;
 
 use std::f64::consts::PI;

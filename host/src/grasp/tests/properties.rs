@@ -180,6 +180,50 @@ fn a_floor_rejects_what_is_below_and_keeps_what_is_above() {
 }
 
 #[test]
+fn a_threshold_is_answered_as_the_whole_measurement_answers_it() {
+    let mut rng = rng(33);
+    let (mut workspace, mut whole) = (Workspace::new(), Workspace::whole_polytope());
+    let reference = reference(1.0);
+    let (mut above, mut below, mut cheap, mut full) = (0, 0, 0, 0);
+    for trial in 0..600 {
+        let contacts = random_grasp(&mut rng, 3 + trial % 3, 0.6);
+        let norm = if trial % 2 == 0 { Norm::L1 } else { Norm::LInf };
+        let settings = [edges(8), tight()][trial / 2 % 2];
+        let settings = Settings { norm, tolerance: 1e-6, ..settings };
+        let measured = evaluate(&contacts, &reference, &settings, &mut whole);
+        for share in [0.5, 0.97, 1.03, 2.0] {
+            let exact = measured.quality().map_or(0.0, |q| q.epsilon_low);
+            let threshold = if exact > 0.0 { exact * share } else { 0.05 };
+            let found =
+                evaluate_within(&contacts, &reference, &settings, &Limits::at(threshold), &mut workspace);
+            match found {
+                Closure::Above(q) => {
+                    above += 1;
+                    assert!(threshold <= q.epsilon_low && q.epsilon_low <= exact * (1.0 + 2e-6), "{q:?}");
+                    assert!(exact <= q.epsilon_high, "{q:?} for {exact}");
+                    cheap += q.iterations;
+                    full += measured.quality().unwrap().iterations;
+                }
+                Closure::Below(q) => {
+                    below += 1;
+                    assert!(exact <= q.epsilon_high && q.epsilon_high < threshold, "{q:?} for {exact}");
+                }
+                Closure::None(proof) => {
+                    assert!(exact == 0.0 && proof.verify(&contacts, &reference, &settings))
+                }
+                other => panic!("{other:?} for {exact}, threshold {threshold}"),
+            }
+        }
+    }
+    assert!(above > 200 && below > 200 && cheap < full, "{above} {below}, {cheap} queries for {full}");
+    // Anything positive is enough: the question for closure alone.
+    let contacts = tetrahedron(0.4);
+    let limits = Limits { accept_above: Some(0.0), ..Limits::default() };
+    let found = evaluate_within(&contacts, &reference, &tight(), &limits, &mut workspace);
+    assert!(matches!(found, Closure::Above(q) if q.epsilon_low > 0.0), "{found:?}");
+}
+
+#[test]
 fn a_used_workspace_changes_nothing() {
     let mut workspace = Workspace::new();
     for (contacts, _) in closed_grasps(31, 10) {

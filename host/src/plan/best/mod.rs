@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 
 use super::attempt::Grasp;
+use super::paper::initial_proposals;
 use super::preshape::PreshapeTable;
 use super::propose::variants;
 use super::scene::Scene;
@@ -15,13 +16,15 @@ use super::search::{Proposal, SearchResult, SearchSettings, Tried, attempt_rng, 
 use super::settle::Site;
 
 /// Share of the attempts that sample the whole object; the rest refines the best of them.
-const SAMPLING_SHARE: f64 = 0.5;
+const SAMPLING_SHARE: f64 = 0.3;
 
 /// Variants of each candidate, drawn anew for each search: preshape and spread as continuous variables.
 const VARIANTS: usize = 3;
 
-/// Grasps that the refinement works on.
-const REFINED: usize = 24;
+/// Grasps of each candidate that the refinement works on at its beginning, so that none is given up for a bad start, and
+/// of all candidates together in its last third.
+const REFINED_EACH: usize = 6;
+const REFINED_LAST: usize = 12;
 
 /// Shift in metres and rotation in radians of a refinement (one standard deviation) at its beginning, small against a
 /// fingertip, and what they have shrunk to at its end.
@@ -55,8 +58,17 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
     let sampled = (settings.attempts as f64 * SAMPLING_SHARE).ceil() as usize;
     let mut allotment = Allotment::new(tables.len());
     let mut kept: Vec<Tried> = Vec::new();
+    // What a person would try first costs little, and on plain bodies nothing is better.
+    let first: Vec<Proposal> =
+        initial_proposals(scene).into_iter().flatten().take(settings.attempts).collect();
+    for batch in first.chunks(BATCH) {
+        let tried = try_all(scene, &tables, batch);
+        tried.iter().for_each(|t| allotment.learn(t));
+        record(&mut result, &tried, settings, false, progress);
+        kept.extend(tried.into_iter().filter(|t| t.outcome.is_ok()));
+    }
     // Without a grasp there is nothing to refine: the sampling then goes on to the end.
-    while result.attempts < sampled || kept.is_empty() {
+    while result.attempts < settings.attempts && (result.attempts < sampled || kept.is_empty()) {
         let first = result.attempts;
         let end = if kept.is_empty() { settings.attempts } else { sampled };
         let proposals: Vec<Proposal> = (first..(first + BATCH).min(end))
@@ -131,7 +143,16 @@ fn refine(
     let begin = result.attempts;
     while result.attempts < settings.attempts && !kept.is_empty() {
         kept.sort_by(|a, b| epsilon(b).total_cmp(&epsilon(a)));
-        kept.truncate(REFINED);
+        if 3 * (result.attempts - begin) < 2 * (settings.attempts - begin) {
+            let mut of_candidate = vec![0; scene.hand.candidates.len()];
+            kept.retain(|t| {
+                let count = &mut of_candidate[tables[t.candidate].typical()];
+                *count += 1;
+                *count <= REFINED_EACH
+            });
+        } else {
+            kept.truncate(REFINED_LAST);
+        }
         let first = result.attempts;
         let proposals: Vec<Proposal> = (first..(first + BATCH).min(settings.attempts))
             .map(|index| {

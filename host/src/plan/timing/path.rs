@@ -201,6 +201,7 @@ fn spline_bends(segments: &[Segment]) -> Vec<Joints> {
         (segments[k + 1].direction[i] - segments[k].direction[i])
             / (segments[k].length + segments[k + 1].length)
     };
+    #[allow(clippy::needless_range_loop, reason = "the axis indexes every row of bends, not one of them")]
     for i in 0..6 {
         bends[0][i] = 2.0 * divided(0, i);
         bends[inner + 1][i] = 2.0 * divided(inner - 1, i);

@@ -90,7 +90,7 @@ fn a_jerk_without_limit_gives_the_trapezoid() {
         let trajectory = time_path(&path, &limits, CORNERS, None).unwrap();
         assert_keeps_limits(&trajectory, &limits);
         let ratio = trajectory.duration_s() / time_s;
-        assert!(ratio >= 1.0 - 1e-9 && ratio < 1.02, "{ratio}");
+        assert!((1.0 - 1e-9..1.02).contains(&ratio), "{ratio}");
     }
 }
 

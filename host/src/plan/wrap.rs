@@ -1,0 +1,283 @@
+//! Power grasps: the palm against the object, and the fingers wrapped around it link by link.
+//!
+//! The palm moves on until it touches. Then each finger closes all its joints together; what touches stays where it is, the
+//! joints before it stop, and those behind it go on until nothing moves any more, as in the enveloping grasps of
+//! `GraspIt!`'s auto-grasp and of underactuated hands. A soft object's patch on the palm is up to four points.
+
+use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
+
+use super::approach::{palm_clear_of_table, palm_cuts_object};
+use super::attempt::{GraspContact, Rejection, Seat};
+use super::closing::{Closing, Way, advance};
+use super::preshape::any_across;
+use super::scene::Scene;
+use super::settle::Site;
+use crate::grasp::{Contact, ContactError};
+use crate::hand::{Candidate, Finger, Part, Posture};
+
+/// How far the palm is drawn back before it is seated, and how far it may then go, metres.
+const SEAT_BACK_M: f64 = 0.02;
+const SEAT_WAY_M: f64 = 0.05;
+
+/// Gap at which the palm is seated, metres; larger than what bisection leaves.
+const SEAT_GAP_M: f64 = 5e-5;
+
+/// Surface within this of the palm belongs to its patch, metres: what skin over a palm gives way.
+const PATCH_M: f64 = 1e-3;
+
+/// Points along each edge of a palm's face at which its distance is measured.
+const FACE_POINTS: usize = 9;
+
+/// Most contact points of the palm.
+const PALM_CONTACTS: usize = 4;
+
+/// Closing goes on to this many times the preshape; joints stop at their limits long before.
+const U_MAX: f64 = 50.0;
+
+/// Seats the palm and wraps the fingers. The contacts, the palm's first, are appended to `contacts`.
+///
+/// Errors when the palm has no way, a finger stands in the object before it moves, or the opposing finger or all others
+/// touch nothing.
+pub(super) fn wrap(
+    scene: &Scene,
+    candidate: &Candidate,
+    site: &Site,
+    contacts: &mut Vec<GraspContact>,
+) -> Result<Seat, Rejection> {
+    let object_from_palm = seat(scene, site)?;
+    palm_contacts(scene, &object_from_palm, site, contacts)?;
+    let mut posture = site.preshape.start;
+    let (mut opposing, mut others) = (false, false);
+    for finger in candidate.fingers() {
+        let touched = wrap_finger(scene, candidate, finger, &object_from_palm, &mut posture, contacts)?;
+        if finger == candidate.opposing {
+            opposing |= touched;
+        } else {
+            others |= touched;
+        }
+    }
+    if opposing && others { Ok(Seat { object_from_palm, posture }) } else { Err(Rejection::FingerMisses) }
+}
+
+/// Pose of the palm where it touches the object on its way along the approach direction, or where it was when it meets
+/// nothing.
+fn seat(scene: &Scene, site: &Site) -> Result<Isometry3<f64>, Rejection> {
+    let way = site.direction_in_object.into_inner();
+    let at = |way_m: f64| Translation3::from(way * (way_m - SEAT_BACK_M)) * site.object_from_palm;
+    let is_free = |way_m: f64| {
+        palm_clear_of_table(scene, &(scene.base_from_object * at(way_m)))
+            && !palm_cuts_object(scene, &at(way_m))
+    };
+    if !is_free(0.0) {
+        return Err(Rejection::PalmBlocked);
+    }
+    // Half a fingertip at a time: nothing that could be held is thinner than that along the palm's whole width.
+    const STEP_M: f64 = 0.005;
+    let mut free_m = 0.0;
+    while free_m < SEAT_WAY_M {
+        if is_free(free_m + STEP_M) {
+            free_m += STEP_M;
+            continue;
+        }
+        let mut blocked_m = free_m + STEP_M;
+        while blocked_m - free_m > SEAT_GAP_M {
+            let middle_m = 0.5 * (free_m + blocked_m);
+            if is_free(middle_m) { free_m = middle_m } else { blocked_m = middle_m }
+        }
+        return Ok(at(free_m));
+    }
+    Ok(site.object_from_palm)
+}
+
+/// Adds the palm's contacts: of the points of its faces that look along the approach and are within the patch, up to four
+/// that lie far apart.
+fn palm_contacts(
+    scene: &Scene,
+    object_from_palm: &Isometry3<f64>,
+    site: &Site,
+    contacts: &mut Vec<GraspContact>,
+) -> Result<(), Rejection> {
+    let mut patch = [None::<(Point3<f64>, Unit<Vector3<f64>>)>; FACE_POINTS * FACE_POINTS];
+    let mut count = 0;
+    for part in &scene.hand.palm {
+        let object_from_box = object_from_palm * part.palm_from_box;
+        let way_in_box = object_from_box.inverse_transform_vector(&site.direction_in_object);
+        let axis = way_in_box.iamax();
+        let mut normal = Vector3::zeros();
+        normal[axis] = way_in_box[axis].signum();
+        let inward = Unit::new_normalize(object_from_box * normal);
+        let across = any_across(&normal);
+        let along = normal.cross(&across);
+        let extent = |v: &Vector3<f64>| part.half_extents_m.dot(&v.abs());
+        for i in 0..FACE_POINTS {
+            for k in 0..FACE_POINTS {
+                let share = |i: usize| 2.0 * i as f64 / (FACE_POINTS - 1) as f64 - 1.0;
+                let in_box = normal * extent(&normal)
+                    + across * (extent(&across) * share(i))
+                    + along * (extent(&along) * share(k));
+                let at = object_from_box * Point3::from(in_box);
+                if scene.surface.distance_bound_m(&at) > PATCH_M {
+                    continue;
+                }
+                let nearest = scene.surface.nearest(&at);
+                if nearest.signed_distance_m.abs() <= PATCH_M
+                    && let Some(slot) = patch.get_mut(count)
+                {
+                    *slot = Some((nearest.point_in_object, inward));
+                    count += 1;
+                }
+            }
+        }
+    }
+    // Farthest from those taken so far, the first of all to begin with.
+    let mut taken: [Option<usize>; PALM_CONTACTS] = [None; PALM_CONTACTS];
+    for slot in 0..PALM_CONTACTS.min(count) {
+        let apart_m = |i: usize| {
+            let point = patch[i].map_or(Point3::origin(), |(p, _)| p);
+            let others = taken.iter().flatten().filter_map(|&k| patch[k]);
+            others.map(|(other, _)| (other - point).norm()).fold(f64::INFINITY, f64::min)
+        };
+        let farthest = (0..count).reduce(|a, b| if apart_m(b) > apart_m(a) { b } else { a });
+        let Some(chosen) = farthest.filter(|&i| apart_m(i) > PATCH_M) else { break };
+        taken[slot] = Some(chosen);
+        if let Some((point, inward)) = patch[chosen] {
+            let contact = link_contact(scene, &point, &inward)?;
+            contacts.push(GraspContact { finger: None, bead: 0, contact });
+        }
+    }
+    Ok(())
+}
+
+/// Wraps one finger; says whether it touched anything.
+fn wrap_finger(
+    scene: &Scene,
+    candidate: &Candidate,
+    finger: usize,
+    object_from_palm: &Isometry3<f64>,
+    posture: &mut Posture,
+    contacts: &mut Vec<GraspContact>,
+) -> Result<bool, Rejection> {
+    let chain = &scene.hand.fingers[finger];
+    let mut rate = Posture::ZERO;
+    for &joint in chain.joints() {
+        let limits = &scene.hand.joints[joint];
+        if !limits.is_held && limits.flexes.is_some() {
+            rate[joint] = candidate.closing[joint];
+        }
+    }
+    let mut touched = false;
+    // Each round stops a joint.
+    for round in 0..=2 * chain.segments().len() {
+        let Some((first_moving, u_end)) = next_stop(scene, chain, posture, &mut rate) else { break };
+        let beads_from = chain.beads().iter().position(|bead| bead.segment >= first_moving).unwrap_or(0);
+        let way =
+            Way { start: *posture, rate, u_begin: 0.0, u_end, beads_from, may_begin_touching: round > 0 };
+        match advance(&scene.surface, chain, object_from_palm, &way) {
+            Closing::StartsInside if !touched => return Err(Rejection::FingerInObject),
+            // Pressed in by the curvature before it: it holds what it holds.
+            Closing::StartsInside => break,
+            Closing::Misses => *posture = *posture + rate * u_end,
+            Closing::Touches(touch) => {
+                *posture = *posture + rate * touch.u;
+                touched = true;
+                let bead = &chain.beads()[touch.bead];
+                let contact = if bead.part == Part::Inner {
+                    link_contact(scene, &touch.point_in_object, &touch.inward_normal_in_object)?
+                } else {
+                    tip_contact(scene, &touch.point_in_object, &touch.inward_normal_in_object)?
+                };
+                contacts.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
+                for segment in &chain.segments()[..=bead.segment] {
+                    rate[segment.joint] = 0.0;
+                }
+            }
+        }
+    }
+    Ok(touched)
+}
+
+/// The first segment that still moves and the way to the nearest limit; joints that are at theirs are stopped. `None` when
+/// nothing moves.
+fn next_stop(scene: &Scene, chain: &Finger, posture: &Posture, rate: &mut Posture) -> Option<(usize, f64)> {
+    let mut u_end = U_MAX;
+    for &joint in chain.joints() {
+        if rate[joint] == 0.0 {
+            continue;
+        }
+        let limits = &scene.hand.joints[joint];
+        let limit = if rate[joint] > 0.0 { limits.upper_rad } else { limits.lower_rad };
+        let u = (limit - posture[joint]) / rate[joint];
+        if u <= 1e-6 {
+            rate[joint] = 0.0;
+        } else {
+            u_end = u_end.min(u);
+        }
+    }
+    let first = chain.segments().iter().position(|segment| rate[segment.joint] != 0.0)?;
+    Some((first, u_end))
+}
+
+fn link_contact(
+    scene: &Scene,
+    point: &Point3<f64>,
+    inward: &Unit<Vector3<f64>>,
+) -> Result<Contact, Rejection> {
+    contact(scene, point, inward, scene.friction.min(scene.hand.link_friction))
+}
+
+fn tip_contact(
+    scene: &Scene,
+    point: &Point3<f64>,
+    inward: &Unit<Vector3<f64>>,
+) -> Result<Contact, Rejection> {
+    contact(scene, point, inward, scene.friction)
+}
+
+fn contact(
+    scene: &Scene,
+    point: &Point3<f64>,
+    inward: &Unit<Vector3<f64>>,
+    friction: f64,
+) -> Result<Contact, Rejection> {
+    let made = || -> Result<Contact, ContactError> {
+        Contact::new(*point, inward.into_inner(), friction)?.with_max_force(scene.hand.tip_force_max_n)
+    };
+    made().map_err(|_| Rejection::Undecided)
+}
+
+/// Pose of a palm, on its way along `direction`, whose pressing point is at `target` with its lateral axis turned by
+/// `turn` about the direction.
+#[must_use]
+pub(super) fn palm_over(
+    scene: &Scene,
+    candidate: &Candidate,
+    direction_in_object: &Unit<Vector3<f64>>,
+    lateral_in_object: &Vector3<f64>,
+    target_in_object: &Point3<f64>,
+) -> Isometry3<f64> {
+    let frame = |way: &Vector3<f64>, lateral: &Vector3<f64>| {
+        let y = (lateral - way * way.dot(lateral)).try_normalize(1e-9).unwrap_or_else(|| any_across(way));
+        super::preshape::rotation_from_axes(way, &y, &way.cross(&y))
+    };
+    let palm_from_frame = frame(&scene.hand.pressing_in_palm, &candidate.lateral_in_palm);
+    let rotation = frame(direction_in_object, lateral_in_object) * palm_from_frame.inverse();
+    let place = rotation * pressing_point(scene).coords;
+    Isometry3::from_parts(Translation3::from(target_in_object.coords - place), rotation)
+}
+
+/// The point of the palm that is to press, palm frame: on the face that looks along the pressing direction, towards the
+/// place where things are grasped.
+fn pressing_point(scene: &Scene) -> Point3<f64> {
+    let center = scene.hand.grasp_center_in_palm;
+    let nearest = scene.hand.palm.iter().map(|part| {
+        let in_box = part.palm_from_box.inverse_transform_point(&center);
+        // Well inside the face: a third of its half extent from its edges.
+        let half = part.half_extents_m * (2.0 / 3.0);
+        let way = part.palm_from_box.inverse_transform_vector(&scene.hand.pressing_in_palm);
+        let axis = way.iamax();
+        let mut point = in_box.coords.zip_map(&half, |c, half: f64| c.clamp(-half, half));
+        point[axis] = part.half_extents_m[axis] * way[axis].signum();
+        part.palm_from_box * Point3::from(point)
+    });
+    nearest.min_by(|a, b| (a - center).norm().total_cmp(&(b - center).norm())).unwrap_or(center)
+}
