@@ -54,8 +54,13 @@ impl Search {
             ..Default::default()
         };
         let object = Object::new(source, scene.mesh.clone(), self.mass_kg, self.friction);
-        let planner =
-            Planner { scene: &scene, object: &object, strategy: self.strategy, settings: &settings };
+        let planner = Planner {
+            scene: &scene,
+            object: &object,
+            strategy: self.strategy,
+            settings: &settings,
+            start_rad: None,
+        };
         let planned = planner.plan(top, progress);
         Ok((scene, planned))
     }

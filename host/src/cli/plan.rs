@@ -15,7 +15,7 @@ use super::progress::{bar, spinner};
 use super::{Outcome, reconstruct as reconstruct_command, write_json};
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::object::{BuiltIn, Object};
-use crate::plan::arm::Arm;
+use crate::plan::arm::{Arm, Joints, LimitCheck};
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
 use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
@@ -51,9 +51,13 @@ pub struct PlanArgs {
     /// Hand to plan for
     #[arg(long, value_enum, default_value_t)]
     pub hand: HandChoice,
-    /// Arm that carries it, or none to plan for the hand alone
-    #[arg(long, value_enum, default_value_t)]
+    /// Arm that carries it: rx60 (Stäubli), a file that describes another (docs/arms.md), or none to plan for the hand
+    /// alone
+    #[arg(long, value_name = "rx60|FILE.toml|none", default_value = "rx60", value_parser = arm_choice)]
     pub arm: ArmChoice,
+    /// Where the arm starts: angles of its six joints in degrees; by default its rest posture
+    #[arg(long, value_name = "Q1,..,Q6", value_parser = input::six, allow_hyphen_values = true)]
+    pub start: Option<[f64; 6]>,
     /// Height of the table's top in the base frame in metres, or none
     #[arg(long, value_name = "Z|none", default_value = "0", value_parser = table, allow_hyphen_values = true)]
     pub table: TableChoice,
@@ -120,23 +124,33 @@ pub enum HandChoice {
 }
 
 /// Which arm carries the hand, `--arm`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ArmChoice {
-    /// Stäubli RX60
-    #[default]
+    /// Stäubli RX60.
     Rx60,
-    /// The hand alone
+    /// The arm that a file describes.
+    File(PathBuf),
+    /// The hand alone.
     None,
 }
 
 impl ArmChoice {
-    /// The arm that the word stands for.
-    #[must_use]
-    pub fn arm(self) -> Option<Arm> {
+    /// The arm that the word stands for. Errors when a file describes none.
+    pub fn arm(&self) -> anyhow::Result<Option<Arm>> {
         match self {
-            Self::Rx60 => Some(Arm::rx60()),
-            Self::None => None,
+            Self::Rx60 => Ok(Some(Arm::rx60())),
+            Self::File(path) => input::arm(path).map(Some),
+            Self::None => Ok(None),
         }
+    }
+}
+
+fn arm_choice(text: &str) -> Result<ArmChoice, String> {
+    match text {
+        "rx60" => Ok(ArmChoice::Rx60),
+        "none" => Ok(ArmChoice::None),
+        file if file.ends_with(".toml") => Ok(ArmChoice::File(file.into())),
+        _ => Err("give rx60, none, or a file FILE.toml".to_owned()),
     }
 }
 
@@ -186,10 +200,12 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let start = Instant::now();
     let mut human: Vec<u8> = Vec::new();
+    let arm = args.arm.arm()?;
     let Input { object, table_normal } = read_input(args, &mut human)?;
     let (base_from_object, placing) = place(args, &object.mesh, table_normal)?;
     let table_height_m = args.table.height_m();
-    let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, args.arm.arm())
+    let start_rad = checked_start(args.start, arm.as_ref())?;
+    let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, arm)
         .with_context(|| format!("planning on {}", args.input))?;
     scene.friction = args.friction;
     let settings = SearchSettings {
@@ -199,7 +215,8 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         ranked: if args.all { usize::MAX } else { args.top as usize },
     };
     let progress = bar(settings.attempts, "attempts");
-    let planner = Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings };
+    let planner =
+        Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings, start_rad };
     let top = if args.all { usize::MAX } else { args.top as usize };
     let planned = planner.plan(top, &|done| progress.set_position(done as u64));
     progress.finish_and_clear();
@@ -222,6 +239,19 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         }
     }
     Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
+}
+
+/// The joint angles that were given in degrees, inside the arm's limits.
+fn checked_start(given_deg: Option<[f64; 6]>, arm: Option<&Arm>) -> anyhow::Result<Option<Joints>> {
+    let Some(degrees) = given_deg else { return Ok(None) };
+    let arm = arm.context("--start: there is no arm to start")?;
+    let start_rad = degrees.map(f64::to_radians);
+    if let LimitCheck::Outside { axis, .. } = arm.limits().check(&start_rad) {
+        let [lower, upper] =
+            [arm.limits().lower_rad, arm.limits().upper_rad].map(|limits| limits[axis - 1].to_degrees());
+        anyhow::bail!("--start: axis {axis} is at {} degrees, outside {lower} to {upper}", degrees[axis - 1]);
+    }
+    Ok(Some(start_rad))
 }
 
 fn summary(args: &PlanArgs, planned: &Planned, total_s: f64) -> serde_json::Value {
