@@ -18,6 +18,7 @@ use crate::object::{BuiltIn, Object};
 use crate::plan::arm::{Arm, Joints, LimitCheck};
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
+use crate::plan::seen::SeenSurface;
 use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
 
 /// Plan force-closure grasps on a mesh or a cloud
@@ -201,13 +202,14 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let start = Instant::now();
     let mut human: Vec<u8> = Vec::new();
     let arm = args.arm.arm()?;
-    let Input { object, table_normal } = read_input(args, &mut human)?;
+    let Input { object, table_normal, seen } = read_input(args, &mut human)?;
     let (base_from_object, placing) = place(args, &object.mesh, table_normal)?;
     let table_height_m = args.table.height_m();
     let start_rad = checked_start(args.start, arm.as_ref())?;
     let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, arm)
         .with_context(|| format!("planning on {}", args.input))?;
     scene.friction = args.friction;
+    scene.seen = seen;
     let settings = SearchSettings {
         attempts: args.attempts.map_or(args.strategy.default_attempts(), |n| n as usize),
         threshold: args.threshold,
@@ -276,17 +278,19 @@ struct Input {
     object: Object,
     /// Normal of the table that was found in a cloud, in the file's frame.
     table_normal: Option<Vector3<f64>>,
+    /// What of the surface a cloud has points of.
+    seen: Option<SeenSurface>,
 }
 
 /// Reads mesh, cloud or built-in object; a cloud is reconstructed and completed first, which is described in `human`.
 fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
     if BuiltIn::ALL.iter().any(|b| b.name() == args.input) {
         let object = input::object(&args.input, args.unit, args.mass, args.friction)?;
-        return Ok(Input { object, table_normal: None });
+        return Ok(Input { object, table_normal: None, seen: None });
     }
     let loaded = read_geometry(args.input.as_ref(), args.unit)?;
     input::warn(&args.input, &loaded.warnings);
-    let mut table_normal = None;
+    let (mut table_normal, mut seen) = (None, None);
     let mesh = match loaded.value {
         Geometry::Mesh(mesh) => mesh,
         Geometry::Cloud(cloud) => {
@@ -302,11 +306,12 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
             waiting.finish_and_clear();
             reconstruct_command::describe(&result, human)?;
             table_normal = result.report.table.map(|table| table.normal.into_inner());
+            seen = Some(SeenSurface::of_cloud(&cloud.points, result.report.spacing_m));
             result.mesh
         }
     };
     let mass_kg = args.mass.unwrap_or(input::ASSUMED_MASS_KG);
-    Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal })
+    Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal, seen })
 }
 
 /// Pose of the mesh's frame in the base frame, and a line that says how it was chosen.

@@ -2,7 +2,7 @@
 //!
 //! A move is checked by halving: at its middle, no point of a body is farther from where it passes than half the way that
 //! the joints can move it at most, so that a middle with this much clearance proves the whole move. Otherwise both halves
-//! are looked at. Every check thus holds between the configurations looked at, down to moves of [`RESOLUTION_M`].
+//! are looked at. Every check thus holds between the configurations looked at, down to moves of half a millimetre.
 
 use std::fmt;
 

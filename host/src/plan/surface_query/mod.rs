@@ -1,8 +1,8 @@
 //! The object as the fingers meet it: distance and nearest point on its surface.
 //!
-//! A grasp attempt asks hundreds of times. Cells around the object say how far the surface is at least ([`field`]), which
-//! settles most questions; a tree of boxes over the triangles answers the others exactly ([`tree`]), and pseudo-normals
-//! give the sign ([`sides`]). parry decides what a single triangle does; these are the only files of the planner that
+//! A grasp attempt asks hundreds of times. Cells around the object say how far the surface is at least (`field`), which
+//! settles most questions; a tree of boxes over the triangles answers the others exactly (`tree`), and pseudo-normals
+//! give the sign (`sides`). parry decides what a single triangle does; these are the only files of the planner that
 //! speak its glam types.
 
 mod field;
