@@ -38,6 +38,9 @@ const GRIP_SAFETY: f64 = 3.0;
 /// the tips give 10 continuously.
 const FINGER_FORCE_N: [f64; 2] = [1.5, 6.0];
 
+/// Reasons against the arm's way that are told, the most frequent ones.
+const REASONS_TOLD: usize = 3;
+
 /// A search to be made.
 pub(super) struct Planner<'a> {
     pub(super) scene: &'a Scene,
@@ -305,9 +308,15 @@ impl Planned {
             writeln!(out, "rejected: {}", reasons.join(", "))?;
         }
         if !self.no_arm_motion.is_empty() {
-            let reasons: Vec<String> =
-                self.no_arm_motion.iter().map(|(reason, count)| format!("{reason} ({count})")).collect();
-            writeln!(out, "no arm motion: {}", reasons.join("; "))?;
+            let mut reasons: Vec<(&String, &usize)> = self.no_arm_motion.iter().collect();
+            reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+            let told: Vec<String> = reasons
+                .iter()
+                .take(REASONS_TOLD)
+                .map(|(reason, count)| format!("{reason} ({count})"))
+                .collect();
+            let more = if reasons.len() > REASONS_TOLD { "; ..." } else { "" };
+            writeln!(out, "no arm motion: {}{more}", told.join("; "))?;
         }
         match document.grasps.first() {
             Some(best) => {
