@@ -9,13 +9,13 @@ use thiserror::Error;
 use super::{
     close::{Sight, solid_on_table},
     cloud::{CloudError, PointCloud},
-    contour::contour,
-    distance::{Lattice, Support, signed_distance},
+    distance::{Lattice, Planes, Support, signed_distance},
     fragments::without_fragments,
     grid::Grid,
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
+    sharpen::sharp_contour,
     table::{Plane, TableTop, find_table},
     tangent::{Tangent, tangents},
     thin::{Thinned, thin},
@@ -248,10 +248,15 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let lattice = lattice_above_table(&origins, cell_m)?;
     let grid = Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m));
     let support = Support { radius_m: 1.5 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
-    let field = signed_distance(&planes, &grid, lattice, &support);
+    if std::env::var("DUMP").is_ok() { // DBG
+        let t: String = planes.iter().zip(&fitted.points).map(|(t, p)| format!("{} {} {} {} {} {} {} {} {}\n", p.x, p.y, p.z, t.origin.x, t.origin.y, t.origin.z, t.normal.x, t.normal.y, t.normal.z)).collect(); // DBG
+        let _ = std::fs::write("/tmp/planes.txt", t); // DBG
+    } // DBG
+    let planes = Planes { tangents: &planes, grid: &grid, support };
+    let field = signed_distance(&planes, lattice);
     seconds.distance_s = clock.lap();
 
-    let sheet = without_fragments(contour(&field), settings.smallest_part, false);
+    let sheet = without_fragments(sharp_contour(&field, &planes), settings.smallest_part, false);
     let mut dropped_parts = sheet.dropped;
     let (vertices, faces) = sheet.triangles;
     let mut mesh = Mesh::new(vertices, faces)?;
@@ -269,7 +274,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
                 })
                 .collect();
             let body = solid_on_table(&field, &sights)
-                .map(|solid| without_fragments(contour(&solid), settings.smallest_part, true))
+                .map(|solid| without_fragments(sharp_contour(&solid, &planes), settings.smallest_part, true))
                 .and_then(|kept| Some((Mesh::new(kept.triangles.0, kept.triangles.1).ok()?, kept.dropped)));
             closing = match body {
                 Some((body, dropped)) => {
