@@ -9,15 +9,15 @@ use super::grid::{Grid, Neighbour};
 const NEIGHBOURS: usize = 8;
 
 /// Most scatter of a sparse point's neighbours about their plane, as a share of their mean distance.
-const FLAT: f64 = 0.12;
+const FLAT: f64 = 0.10;
 /// Most height of the point itself over that plane.
-const ON_PLANE: f64 = 0.3;
+const ON_PLANE: f64 = 0.2;
 /// How sparse a surface may be, as a multiple of the limit for any point.
-const SPARSEST: f64 = 2.0;
+const SPARSEST: f64 = 1.5;
 
 /// For each point whether it belongs to a surface. It does not when the mean distance to its neighbours exceeds the
 /// cloud's median of that distance by more than `factor` times its median absolute deviation (scaled to a standard
-/// deviation), and at least by as much again; unless up to twice that distance the neighbours still lie in a plane, and
+/// deviation), and at least by as much again; unless, up to half as much again, the neighbours still lie in a plane, and
 /// the point in it.
 ///
 /// Medians, unlike the usual mean and deviation, are not moved by the strays themselves. Flat neighbourhoods are kept
@@ -48,7 +48,7 @@ pub fn inliers(points: &[Point3<f64>], factor: f64) -> Vec<bool> {
             }
             grid.nearest(point, NEIGHBOURS + 1, found);
             found.retain(|n| n.1 as usize != i);
-            spread[i] <= std::env::var("SP").map_or(SPARSEST, |t| t.parse().unwrap()) * limit && is_flat(points, point, found, spread[i])
+            spread[i] <= SPARSEST * limit && is_flat(points, point, found, spread[i])
         })
         .collect()
 }
@@ -62,7 +62,7 @@ fn is_flat(points: &[Point3<f64>], point: &Point3<f64>, neighbours: &[Neighbour]
     let eigen = SymmetricEigen::new(covariance);
     let least = eigen.eigenvalues.imin();
     let height = mean.dot(&eigen.eigenvectors.column(least));
-    eigen.eigenvalues[least] <= std::env::var("FL").map_or(FLAT, |t| t.parse().unwrap()).powi(2) && height.abs() <= std::env::var("OP").map_or(ON_PLANE, |t| t.parse().unwrap())
+    eigen.eigenvalues[least] <= FLAT * FLAT && height.abs() <= ON_PLANE
 }
 
 /// The middle value, or 0 of nothing.
