@@ -51,12 +51,7 @@ pub(super) fn polygons(field: &Field) -> Polygons {
     let mut cutter = Cutter {
         field,
         vertex_of: vec![[u32::MAX; 3]; field.keys.len()],
-        out: Polygons {
-            vertices: Vec::new(),
-            edges: Vec::new(),
-            corners: Vec::new(),
-            polygons: Vec::new(),
-        },
+        out: Polygons { vertices: Vec::new(), edges: Vec::new(), corners: Vec::new(), polygons: Vec::new() },
     };
     for index in 0..field.keys.len() {
         if let Some(corners) = cell_corners(field, index) {

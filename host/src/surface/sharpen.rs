@@ -38,8 +38,10 @@ pub(super) fn sharp_contour(field: &Field, planes: &Planes<'_>) -> Triangles {
             planes.distance(vertex, found).filter(|d| d.signed_m.abs() < EXPLAINED * cell_m)
         })
         .collect();
-    let moved: Vec<Point3<f64>> =
-        (0..polygons.vertices.len()).into_par_iter().map(|i| corrected(field, &polygons, i, &at_vertices)).collect();
+    let moved: Vec<Point3<f64>> = (0..polygons.vertices.len())
+        .into_par_iter()
+        .map(|i| corrected(field, &polygons, i, &at_vertices))
+        .collect();
     let tips: Vec<Option<Point3<f64>>> = (0..polygons.polygons.len())
         .into_par_iter()
         .map(|i| tip(&polygons, polygons.ring(i), &moved, &at_vertices, cell_m))
@@ -49,7 +51,12 @@ pub(super) fn sharp_contour(field: &Field, planes: &Planes<'_>) -> Triangles {
 }
 
 /// Where an edge of the object lies between two nodes the distance is not linear: one step of the false position.
-fn corrected(field: &Field, polygons: &Polygons, vertex: usize, distances: &[Option<Distance>]) -> Point3<f64> {
+fn corrected(
+    field: &Field,
+    polygons: &Polygons,
+    vertex: usize,
+    distances: &[Option<Distance>],
+) -> Point3<f64> {
     let at = polygons.vertices[vertex];
     let Some(distance) = distances[vertex] else { return at };
     let nodes = polygons.edges[vertex];
@@ -80,7 +87,9 @@ fn tip(
     if planes.iter().all(|a| planes.iter().all(|b| a.normal.dot(&b.normal) > SHARP)) {
         return None;
     }
-    let middle = Point3::from(ring.iter().map(|&v| moved[v as usize].coords).sum::<Vector3<f64>>() / ring.len() as f64);
+    let middle = Point3::from(
+        ring.iter().map(|&v| moved[v as usize].coords).sum::<Vector3<f64>>() / ring.len() as f64,
+    );
     let (mut form, mut pull) = (Matrix3::zeros(), Vector3::zeros());
     for (&v, plane) in ring.iter().zip(&planes) {
         let normal = plane.normal.into_inner();
@@ -93,7 +102,9 @@ fn tip(
     let largest = eigen.eigenvalues.max();
     let way: Vector3<f64> = (0..3)
         .filter(|&i| eigen.eigenvalues[i] > LEAST_EIGENVALUE * largest)
-        .map(|i| eigen.eigenvectors.column(i) * (eigen.eigenvectors.column(i).dot(&pull) / eigen.eigenvalues[i]))
+        .map(|i| {
+            eigen.eigenvectors.column(i) * (eigen.eigenvectors.column(i).dot(&pull) / eigen.eigenvalues[i])
+        })
         .sum();
     let tip = middle + way;
     // Every triangle of the fan must face as the surface does at its base.

@@ -47,29 +47,28 @@ const ROUNDS: usize = 4;
 /// centroid, which draws away from borders and edges.
 #[must_use]
 pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) -> Vec<Option<Tangent>> {
-    let near = |point: &Point3<f64>, found: &mut Vec<Neighbour>| {
-        grid.nearest(point, k, found);
-        if found.last().is_some_and(|last| last.0 < radius_m * radius_m) {
-            grid.within(point, radius_m, found);
-        }
-    };
+    let near: Vec<Vec<Neighbour>> = points
+        .par_iter()
+        .map(|point| {
+            let mut found = Vec::with_capacity(k);
+            grid.nearest(point, k, &mut found);
+            if found.last().is_some_and(|last| last.0 < radius_m * radius_m) {
+                grid.within(point, radius_m, &mut found);
+            }
+            found
+        })
+        .collect();
     let plain: Vec<Option<Fit>> = points
         .par_iter()
-        .map_init(Vec::new, |found, point| {
-            near(point, found);
+        .zip(&near)
+        .map(|(point, near)| {
             // The core of the neighbourhood: the smaller, the nearer to an edge it is still on one face.
-            found.truncate((found.len() * 2 / 3).max(FEWEST));
-            fit(points, point, found, |_| 1.0)
+            let core = (near.len() * 2 / 3).max(FEWEST).min(near.len());
+            fit(points, point, &near[..core], |_| 1.0)
         })
         .collect();
     let scatter_m = median(plain.iter().flatten().map(|fit| fit.scatter_m).collect());
-    points
-        .par_iter()
-        .map_init(Vec::new, |found, point| {
-            near(point, found);
-            robust(points, point, found, &plain, scatter_m)
-        })
-        .collect()
+    points.par_iter().zip(&near).map(|(point, near)| robust(points, point, near, &plain, scatter_m)).collect()
 }
 
 /// Fewest neighbours of a plain fit.
@@ -108,7 +107,8 @@ fn robust(
             .iter()
             .map(|&(d2, j)| falloff(d2, reach2) * agreement(candidate.height(&points[j as usize])))
             .sum();
-        let score = agreement(candidate.height(point)) * support / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
+        let score = agreement(candidate.height(point)) * support
+            / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
         if best.as_ref().is_none_or(|(most, _)| score > *most) {
             best = Some((score, candidate));
         }
