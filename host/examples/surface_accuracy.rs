@@ -18,14 +18,11 @@ use anyhow::Context;
 use host::object::BuiltIn;
 use host::plan::arm::{Arm, Inverse};
 use host::plan::attempt::{AttemptScratch, attempt};
-use host::plan::candidates::typical;
 use host::plan::paper;
 use host::plan::scene::Scene;
 use host::plan::search::SearchSettings;
 use host::plan::surface_query::SurfaceQuery;
-use host::scan::{
-    Instrument, Scan, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere,
-};
+use host::scan::{Instrument, Scan, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere};
 use host::surface::{Mesh, Plane, Reconstruction, Settings, Table, reconstruct};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -46,10 +43,20 @@ fn main() -> anyhow::Result<()> {
     let instrument = Instrument { stripe_noise_px, outlier_share, ..Instrument::default() };
     println!(
         "{:12} {:>6} {:>6} {:>9} {:>13} {:>13} {:>11} {:>11} {:>15} {:>11}",
-        "object", "used", "s", "triangles", "mesh->truth", "truth->mesh", "normal", "sides", "true/scan best10", "search"
+        "object",
+        "used",
+        "s",
+        "triangles",
+        "mesh->truth",
+        "truth->mesh",
+        "normal",
+        "sides",
+        "true/scan best10",
+        "search"
     );
     for built_in in BuiltIn::ALL {
-        let truth = built_in.object(1.0)?.mesh.transformed(&Isometry3::translation(SPOT_M[0], SPOT_M[1], SPOT_M[2]));
+        let truth =
+            built_in.object(1.0)?.mesh.transformed(&Isometry3::translation(SPOT_M[0], SPOT_M[1], SPOT_M[2]));
         let query = SurfaceQuery::new(&truth)?;
         let exact = scanned(&truth, &Instrument { stripe_noise_px: 0.0, ..Instrument::default() }, 1)?;
         let seen: Vec<Point3<f64>> = exact
@@ -92,8 +99,13 @@ fn main() -> anyhow::Result<()> {
                 let best: Vec<_> = true_grasps.iter().take(10).collect();
                 for grasp in &best {
                     on_truth += grasp.quality.epsilon_low / best.len() as f64;
-                    let again =
-                        attempt(&scene, grasp.candidate, &typical()[grasp.candidate], &grasp.site, &mut scratch);
+                    let again = attempt(
+                        &scene,
+                        grasp.candidate,
+                        &scene.hand.candidates[grasp.candidate],
+                        &grasp.site,
+                        &mut scratch,
+                    );
                     on_scan += again.map_or(0.0, |again| again.quality.epsilon_low) / best.len() as f64;
                 }
                 let search =
@@ -121,8 +133,22 @@ fn main() -> anyhow::Result<()> {
         let mean = |i: usize| runs.iter().map(|run| run[i]).sum::<f64>() / runs.len() as f64;
         println!(
             "{:12} {:6.0} {:6.3} {:9.0} {:6.3} {:6.3} {:6.3} {:6.3} {:5.2} {:5.1} {:5.2} {:5.1} {:7.3} {:7.3} {:6.3} {:4.0}",
-            built_in.name(), mean(0), mean(1), mean(2), mean(3), mean(4), mean(5), mean(6), mean(7), mean(8), mean(9),
-            mean(10), mean(11), mean(12), mean(13), mean(14)
+            built_in.name(),
+            mean(0),
+            mean(1),
+            mean(2),
+            mean(3),
+            mean(4),
+            mean(5),
+            mean(6),
+            mean(7),
+            mean(8),
+            mean(9),
+            mean(10),
+            mean(11),
+            mean(12),
+            mean(13),
+            mean(14)
         );
     }
     Ok(())
