@@ -107,8 +107,7 @@ impl Discs {
 
     /// Square of the distance from a point to each disc, too small by rounding at most.
     fn distances_squared(&self, point: &[f32; 3]) -> [f32; WIDTH] {
-        let mut squared = [0.0; WIDTH];
-        for child in 0..WIDTH {
+        std::array::from_fn(|child| {
             let x = point[0] - self.center[0][child];
             let y = point[1] - self.center[1][child];
             let z = point[2] - self.center[2][child];
@@ -121,9 +120,8 @@ impl Discs {
             let out = if out > 0.0 { out } else { 0.0 };
             let above = height - self.half_height[child];
             let above = if above > 0.0 { above } else { 0.0 };
-            squared[child] = out * out + above * above;
-        }
-        squared
+            out * out + above * above
+        })
     }
 }
 
