@@ -79,6 +79,8 @@ pub(super) struct Planes<'a> {
     /// The origins of the planes.
     pub(super) grid: &'a Grid,
     pub(super) support: Support,
+    /// Whether edges show above the noise, so that faces are told apart.
+    pub(super) shows_edges: bool,
 }
 
 /// Distance to the surface near a point, and its direction there.
@@ -115,6 +117,8 @@ pub(super) fn signed_distance(planes: &Planes<'_>, lattice: Lattice) -> Field {
 
 /// Least cosine between the normals of one face's tangent planes: 30 degrees.
 const SAME_FACE: f64 = 0.866;
+/// The same where edges do not show: 60 degrees.
+const ONE_SIDE: f64 = 0.5;
 /// Least cosine between the normals of two faces that can meet in an edge; beyond are the two sides of a wall.
 const MEETING_FACES: f64 = -0.5;
 /// Most faces that meet at a point.
@@ -148,7 +152,7 @@ impl Planes<'_> {
     /// convex edge the body is what lies behind both, and the distance the greater of the two; at a concave edge it is
     /// the smaller.
     pub(super) fn distance(&self, node: &Point3<f64>, found: &mut Vec<Neighbour>) -> Option<Distance> {
-        let Self { tangents, grid, support } = self;
+        let Self { tangents, grid, support, .. } = self;
         grid.nearest(node, 1, found);
         let &(nearest2, index) = found.first()?;
         let nearest = tangents[index as usize];
@@ -160,13 +164,19 @@ impl Planes<'_> {
         if support.blend_m <= 0.0 {
             return Some(Distance { signed_m: height, normal: nearest.normal });
         }
+        if !self.shows_edges {
+            // One face: planes that look the way of the nearest within 60 degrees, so that the two sides of a wall and the
+            // faces of an edge do not mix.
+            grid.within(node, (nearest2 + 4.0 * support.blend_m.powi(2)).sqrt(), found);
+            return Some(self.take_face(node, nearest2, &nearest.normal, ONE_SIDE, found).distance());
+        }
         grid.within(node, nearest2.sqrt() + 2.0 * support.blend_m, found);
-        let mut first = self.take_face(node, nearest2, &nearest.normal, found);
+        let mut first = self.take_face(node, nearest2, &nearest.normal, SAME_FACE, found);
         let mut distance = first.distance();
         for _ in 1..MOST_FACES {
             let mut normals = found.iter().map(|&(_, i)| tangents[i as usize].normal);
             let Some(seed) = normals.find(|n| n.dot(&first.normal) > MEETING_FACES) else { break };
-            let face = self.take_face(node, nearest2, &seed, found);
+            let face = self.take_face(node, nearest2, &seed, SAME_FACE, found);
             if face.planes < FEWEST_PLANES {
                 continue;
             }
@@ -194,13 +204,14 @@ impl Planes<'_> {
         node: &Point3<f64>,
         nearest2: f64,
         seed: &Unit<Vector3<f64>>,
+        least_cosine: f64,
         found: &mut Vec<Neighbour>,
     ) -> Face {
         let mut total = 0.0;
         let mut face = Face { origin: Vector3::zeros(), normal: Vector3::zeros(), height_m: 0.0, planes: 0 };
         found.retain(|&(d2, i)| {
             let tangent = &self.tangents[i as usize];
-            if tangent.normal.dot(seed) <= SAME_FACE {
+            if tangent.normal.dot(seed) <= least_cosine {
                 return true;
             }
             let weight = ((nearest2 - d2) / self.support.blend_m.powi(2)).exp();
@@ -244,7 +255,10 @@ mod tests {
         let lattice = Lattice { low: Point3::new(-4.3, -4.3, -4.3), cell_m: 1.0 };
         let support = Support { radius_m: 1.2, blend_m: 0.8 };
         let grid = Grid::for_surface(&origins);
-        let field = signed_distance(&Planes { tangents: &tangents, grid: &grid, support }, lattice);
+        let field = signed_distance(
+            &Planes { tangents: &tangents, grid: &grid, support, shows_edges: true },
+            lattice,
+        );
         assert!(!field.keys.is_empty() && field.keys.is_sorted());
         for (&key, value) in field.keys.iter().zip(&field.values) {
             let node = lattice.position(key);

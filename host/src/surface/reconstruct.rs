@@ -10,7 +10,7 @@ use super::{
     close::{Sight, solid_on_table},
     cloud::{CloudError, PointCloud},
     contour::contour,
-    distance::{Lattice, Planes, Support, signed_distance},
+    distance::{Field, Lattice, Planes, Support, signed_distance},
     fragments::without_fragments,
     grid::Grid,
     mesh::{Mesh, MeshError},
@@ -18,7 +18,7 @@ use super::{
     outlier::{inliers, median, quantile},
     sharpen::sharp_contour,
     table::{Plane, TableTop, find_table},
-    tangent::{Tangent, tangents},
+    tangent::{Tangent, Tangents, tangents},
     thin::{Thinned, thin},
 };
 
@@ -229,7 +229,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let spacing = median(fourth.clone());
     let cell_m = settings.cell_m.unwrap_or(CELL_PER_SPACING * spacing);
     let radius = settings.radius_m.unwrap_or(1.5 * spacing);
-    let planes = tangents(&object.points, &grid, settings.neighbours, radius);
+    let Tangents { planes, shows_edges } = tangents(&object.points, &grid, settings.neighbours, radius);
     let fitted = object.filtered(|i, _| planes[i].is_some());
     let mut planes: Vec<Tangent> = planes.into_iter().flatten().collect();
     enough(cloud, planes.len(), "fitting tangent planes")?;
@@ -250,7 +250,8 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let grid = Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m));
     let support =
         Support { radius_m: 1.25 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
-    let planes = Planes { tangents: &planes, grid: &grid, support };
+    let planes = Planes { tangents: &planes, grid: &grid, support, shows_edges };
+    let drawn = |field: &Field| if shows_edges { sharp_contour(field, &planes) } else { contour(field) };
     let field = signed_distance(&planes, lattice);
     seconds.distance_s = clock.lap();
 
@@ -271,8 +272,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
                 towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
             })
             .collect();
-        closed =
-            solid_on_table(&field, &sights).and_then(|solid| part(sharp_contour(&solid, &planes), true).ok());
+        closed = solid_on_table(&field, &sights).and_then(|solid| part(drawn(&solid), true).ok());
     }
     let closing = match (settings.close, is_open, &closed) {
         (false, ..) => Closing::NotAsked,
@@ -284,7 +284,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     seconds.close_s = clock.lap();
     let (mesh, dropped_parts) = match closed {
         Some(body) => body,
-        None => part(sharp_contour(&field, &planes), false)?,
+        None => part(drawn(&field), false)?,
     };
     let measured = supported_faces(&mesh, &grid, support.radius_m);
     let mesh = mesh.transformed(&plane_from_cloud.inverse());

@@ -11,7 +11,7 @@ use super::{
 /// A plane that approximates the surface near one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tangent {
-    /// The sample's foot on the plane, metres.
+    /// The sample's foot on the plane or, of a plain fit, the weighted centroid of the neighbourhood, metres.
     pub origin: Point3<f64>,
     /// Unit normal: direction of least variance; of either sign until oriented.
     pub normal: Unit<Vector3<f64>>,
@@ -32,6 +32,10 @@ const LEAST_SCATTER: f64 = 0.02;
 /// Distance from the plane, in scatters, at which a neighbour loses most of its say.
 const TOLERANCE: f64 = 2.5;
 
+/// How far an edge of 30 degrees, the least that counts as one, lifts its neighbourhood's border over the mean plane, as a
+/// share of the radius: half of the tangent of 15 degrees.
+const EDGE_HEIGHT: f64 = 0.134;
+
 /// Rounds of reweighting. The last two hardly move anything.
 const ROUNDS: usize = 4;
 
@@ -45,8 +49,11 @@ const ROUNDS: usize = 4;
 /// idea of Kuwahara's filter). Then it is fitted again, with weights that fall off with a neighbour's distance from the
 /// plane, as with its distance from the sample. The origin is the sample's foot on its plane, and not the neighbours'
 /// centroid, which draws away from borders and edges.
+///
+/// Where the samples scatter so much that an edge would not show above it, as where sweeps of a scanner do not quite fit
+/// onto each other, two layers of one face would be taken for two faces. The planes are then Hoppe's plain ones.
 #[must_use]
-pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) -> Vec<Option<Tangent>> {
+pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) -> Tangents {
     let near: Vec<Vec<Neighbour>> = points
         .par_iter()
         .map(|point| {
@@ -68,7 +75,28 @@ pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) ->
         })
         .collect();
     let scatter_m = median(plain.iter().flatten().map(|fit| fit.scatter_m).collect());
-    points.par_iter().zip(&near).map(|(point, near)| robust(points, point, near, &plain, scatter_m)).collect()
+    let reach_m = median(near.iter().filter_map(|near| near.last()).map(|last| last.0.sqrt()).collect());
+    let shows_edges = TOLERANCE * scatter_m < EDGE_HEIGHT * reach_m;
+    let whole = |(point, near): (&Point3<f64>, &Vec<Neighbour>)| {
+        let Fit { centroid, normal, .. } = fit(points, point, near, |_| 1.0)?;
+        Some(Tangent { origin: centroid, normal })
+    };
+    let each = points.par_iter().zip(&near);
+    let planes = if shows_edges {
+        each.map(|(point, near)| robust(points, point, near, &plain, scatter_m)).collect()
+    } else {
+        each.map(whole).collect()
+    };
+    Tangents { planes, shows_edges }
+}
+
+/// The tangent planes of a cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tangents {
+    /// One for each point, in their order.
+    pub planes: Vec<Option<Tangent>>,
+    /// Whether the points scatter so little about their planes that an edge of 30 degrees shows.
+    pub shows_edges: bool,
 }
 
 /// Fewest neighbours of a plain fit.
@@ -175,12 +203,36 @@ mod tests {
         let (u, v) = (Vector3::new(2.0, -2.0, 1.0) / 3.0, Vector3::new(2.0, 1.0, -2.0) / 3.0);
         let sheet: Vec<_> =
             (0..100).map(|i| Point3::from(u * f64::from(i % 10) + v * f64::from(i / 10))).collect();
-        for tangent in tangents(&sheet, &Grid::for_surface(&sheet), 9, 0.0) {
+        for tangent in tangents(&sheet, &Grid::for_surface(&sheet), 9, 0.0).planes {
             let tangent = tangent.unwrap();
             assert!((tangent.normal.dot(&normal).abs() - 1.0).abs() < 1e-12);
             assert!(tangent.origin.coords.dot(&normal).abs() < 1e-12);
         }
         let line: Vec<_> = (0..50).map(|i| Point3::from(u * f64::from(i))).collect();
-        assert!(tangents(&line, &Grid::for_surface(&line), 9, 0.0).iter().all(Option::is_none));
+        assert!(tangents(&line, &Grid::for_surface(&line), 9, 0.0).planes.iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn edges_show_on_clean_samples_and_not_under_layers() {
+        // A roof of 90 degrees, sampled a millimetre apart, in five layers that are apart by `layer_m`.
+        let roof = |layer_m: f64| -> Vec<Point3<f64>> {
+            let at = |i: i32, k: i32| {
+                let (x, y) = (f64::from(i) * 1e-3, f64::from(k) * 1e-3);
+                Point3::new(x, y, -x.abs() + layer_m * f64::from((7 * i + 3 * k).rem_euclid(5) - 2))
+            };
+            (-20..=20).flat_map(|i| (-20..=20).map(move |k| at(i, k))).collect()
+        };
+        let fitted = |points: &[Point3<f64>]| tangents(points, &Grid::for_surface(points), 12, 1.5e-3);
+        let clean = roof(0.0);
+        let found = fitted(&clean);
+        assert!(found.shows_edges);
+        // Beside the ridge every plane is still that of its own side.
+        for (point, plane) in clean.iter().zip(&found.planes) {
+            if (1.5e-3..15e-3).contains(&point.x) && point.y.abs() < 15e-3 {
+                let normal = plane.unwrap().normal;
+                assert!((normal.x - normal.z).abs() < 0.02, "{normal:?} at {point}");
+            }
+        }
+        assert!(!fitted(&roof(0.4e-3)).shows_edges);
     }
 }
