@@ -228,6 +228,7 @@ impl Planner<'_> {
             .map(|touch| GripContact {
                 point: touch.contact.point_in_object(),
                 inward_normal: touch.contact.inward_normal_in_object(),
+                friction: touch.contact.friction(),
             })
             .collect();
         // The weight hangs on friction: the sum of normal forces times mu carries it.
@@ -237,8 +238,8 @@ impl Planner<'_> {
         let is_precise = !scene.hand.candidates[grasp.candidate].wraps;
         let least_share = if is_precise { LEAST_TIP_SHARE } else { 0.0 };
         let forces = [SQUEEZE_CONE_SHARE, 1.0]
-            .iter()
-            .find_map(|share| balanced_forces(&contacts, share * scene.friction, grip_n, least_share).ok())?;
+            .into_iter()
+            .find_map(|cone_share| balanced_forces(&contacts, cone_share, grip_n, least_share).ok())?;
         let palm_from_object = grasp.site.object_from_palm.inverse();
         let squeeze = match &scene.hand.model {
             // The firmware's thumb presses by Cartesian impedance.
@@ -322,7 +323,7 @@ impl Planned {
             Some(best) => {
                 write!(out, "best: {}, epsilon {:.4}", best.candidate, best.quality.epsilon)?;
                 if let Some(expected) = best.quality.expected_epsilon {
-                    write!(out, ", {expected:.4} expected under pose errors")?;
+                    write!(out, ", {expected:.4} expected under errors")?;
                 }
                 writeln!(
                     out,

@@ -251,7 +251,8 @@ pub struct QualityInfo {
     pub expected_epsilon: Option<f64>,
     /// Share of those samples that close by force.
     pub closure_chance: Option<f64>,
-    /// Least distance of a joint from its limits, as a share of its range: 0 at a limit.
+    /// Least distance of a joint of the used fingers from its limits, as a share of its range: 0 at a limit. Held joints,
+    /// as the thumb's rotation, do not count.
     pub limit_margin: Option<f64>,
     /// Share of the contacts on surface that was measured, not completed.
     pub seen_share: Option<f64>,

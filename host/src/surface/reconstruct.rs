@@ -260,7 +260,8 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
         Ok((Mesh::new(kept.triangles.0, kept.triangles.1)?, kept.dropped))
     };
     // Sharpening takes as long as the distances: once, on the field that the mesh comes from in the end.
-    let is_open = settings.close && !part(contour(&field), false)?.0.is_watertight();
+    let plain = if settings.close || !shows_edges { Some(part(contour(&field), false)?) } else { None };
+    let is_open = settings.close && plain.as_ref().is_some_and(|(mesh, _)| !mesh.is_watertight());
     seconds.contour_s = clock.lap();
 
     let mut closed = None;
@@ -282,9 +283,10 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
         (true, true, None) => Closing::Impossible,
     };
     seconds.close_s = clock.lap();
-    let (mesh, dropped_parts) = match closed {
-        Some(body) => body,
-        None => part(drawn(&field), false)?,
+    let (mesh, dropped_parts) = match (closed, plain) {
+        (Some(body), _) => body,
+        (None, Some(plain)) if !shows_edges => plain,
+        (None, _) => part(sharp_contour(&field, &planes), false)?,
     };
     let measured = supported_faces(&mesh, &grid, support.radius_m);
     let mesh = mesh.transformed(&plane_from_cloud.inverse());
