@@ -6,7 +6,8 @@
 //! when time is left      serve(), one request;  transmit(room) -> bytes for the line
 //! ```
 //!
-//! `tick` has one length whatever the bus brings; all that may take longer is in `serve`.
+//! `tick` has one length whatever the bus brings; all that may take longer is in `serve` and `transmit`. Where those come
+//! late, several set-points are answered by one state, the last.
 
 mod report;
 mod service;
@@ -21,6 +22,7 @@ use protocol::units::{AngleQ, TorqueQ};
 use crate::control::{self, Sensors, Target, ThumbMode};
 use crate::parameters::{Parameters, Settings};
 use crate::safety::recorder::Recorder;
+use crate::safety::sensors::Excitation;
 use crate::safety::target::{Followed, Follower};
 use crate::safety::watch::Part;
 use crate::safety::{Cycle, Found, Mode, Supervisor, bus::Heard};
@@ -65,6 +67,8 @@ pub struct Controller {
     zero_nm: [f32; JOINT_COUNT],
     last: Last,
     state: HandState,
+    /// A set-point has not been answered by its state yet.
+    report_is_due: bool,
 }
 
 /// What the period before leaves.
@@ -74,8 +78,7 @@ struct Last {
     setpoint: Setpoint,
     setpoint_us: u32,
     modes: [Mode; FINGER_COUNT],
-    target_rad: [f32; JOINT_COUNT],
-    output_nm: [f32; JOINT_COUNT],
+    excitation: Excitation,
     /// Strain gauges before their zero is taken off.
     raw_torque_nm: [f32; JOINT_COUNT],
     drives: (DriveState, [DriveState; FINGER_COUNT]),
@@ -108,13 +111,13 @@ impl Controller {
                 setpoint: Setpoint::default(),
                 setpoint_us: 0,
                 modes: [Mode::Off; FINGER_COUNT],
-                target_rad: zero,
-                output_nm: zero,
+                excitation: Excitation { target_rad: zero, output_nm: zero, active: [false; FINGER_COUNT] },
                 raw_torque_nm: zero,
                 drives: Default::default(),
                 tier: BusTier::default(),
             },
             state: HandState::default(),
+            report_is_due: false,
         }
     }
 
@@ -126,7 +129,16 @@ impl Controller {
 
     /// Bytes for the line, as many as there are or as fit; returns how many.
     pub fn transmit(&mut self, out: &mut [u8]) -> usize {
+        self.report_if_due();
         self.session.transmit(out)
+    }
+
+    /// Frames the state that answers a set-point. Not in `tick`, of which it would be a quarter, and which must not wait
+    /// for it.
+    fn report_if_due(&mut self) {
+        if core::mem::take(&mut self.report_is_due) {
+            self.session.report(&self.state);
+        }
     }
 
     /// One control period, which begins at `now_us` of a clock that wraps.
@@ -153,37 +165,45 @@ impl Controller {
                     frame: self.session.take_frames(),
                 },
                 word: setpoint.as_ref().map(|setpoint| setpoint.control),
-                sensors: &zeroed,
-                target_rad: &self.last.target_rad,
-                output_nm: &self.last.output_nm,
+                excitation: &self.last.excitation,
             },
+            &mut zeroed,
         );
+        let sensors = &zeroed;
         let setpoint = setpoint.filter(|_| found.fresh);
-        let followed = self.follow(&found, setpoint.as_ref(), now_us, dt_s);
-        let (output_nm, limits) = self.control(&found, &followed, dt_s);
-        (self.last.target_rad, self.last.output_nm) = (followed.position_rad, output_nm);
+        let followed = self.follow(&found, sensors, setpoint.as_ref(), now_us, dt_s);
+        let (output_nm, limits) = self.control(&found, sensors, &followed.target, dt_s);
+        let enabled = found.modes.map(|mode| mode != Mode::Off);
+        self.last.excitation =
+            Excitation { target_rad: followed.target.position_rad, output_nm, active: enabled };
         self.last.modes = found.modes;
 
-        self.update_state(now_us, &found, &followed, &limits);
+        self.update_state(now_us, sensors, &found.modes, followed.limited, &limits);
         self.record(&found);
         if setpoint.is_some() {
             self.state.seq = self.state.seq.wrapping_add(1);
-            self.session.report(&self.state);
+            self.report_is_due = true;
         }
         self.supervisor.check_in(Part::Control);
-        let enabled = found.modes.map(|mode| mode != Mode::Off);
         Output {
             torque_nm: output_nm,
             enabled,
             thumb_rotation_rad: enabled[FingerId::Thumb.index()]
-                .then_some(followed.position_rad[JointId::THUMB_ROTATION.index()]),
+                .then_some(followed.target.position_rad[JointId::THUMB_ROTATION.index()]),
             feed_watchdog: self.supervisor.may_feed(elapsed_us),
         }
     }
 
     /// The target of this period.
-    fn follow(&mut self, found: &Found, setpoint: Option<&Setpoint>, now_us: u32, dt_s: f32) -> Followed {
-        let measured = &found.sensors.position_rad;
+    fn follow(
+        &mut self,
+        found: &Found,
+        sensors: &Sensors,
+        setpoint: Option<&Setpoint>,
+        now_us: u32,
+        dt_s: f32,
+    ) -> Followed {
+        let measured = &sensors.position_rad;
         let follower = self.follower.get_or_insert_with(|| Follower::new(*measured));
         for finger in FingerId::ALL {
             let i = finger.index();
@@ -203,14 +223,17 @@ impl Controller {
         if found.modes.iter().any(|mode| matches!(mode, Mode::Hold | Mode::Stop)) {
             follower.stay();
         }
-        follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), dt_s)
+        let thumb_mode =
+            if self.supervisor.word().thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
+        follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), thumb_mode, dt_s)
     }
 
     /// Torques of this period, and why they are less than asked.
     fn control(
         &mut self,
         found: &Found,
-        followed: &Followed,
+        sensors: &Sensors,
+        target: &Target,
         dt_s: f32,
     ) -> ([f32; JOINT_COUNT], [control::Limit; JOINT_COUNT]) {
         let stops = found.modes.contains(&Mode::Stop);
@@ -224,28 +247,14 @@ impl Controller {
         config.thumb.stiffness_n_per_m = self.thumb_stiffness_n_per_m;
         let most = self.settings.thumb_damping_max_n_s_per_m;
         config.thumb.damping_n_s_per_m = asked.damping.map(|asked| asked.to_n_s_per_m().min(most));
-
-        let thumb_mode =
-            if self.supervisor.word().thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
-        let target = Target {
-            position_rad: followed.position_rad,
-            velocity_rad_per_s: followed.velocity_rad_per_s,
-            feed_forward_nm: followed.feed_forward_nm,
-            thumb_mode,
-        };
-        let mut torques = control::step(config, &mut self.control, &found.sensors, &target, dt_s);
+        let mut torques = control::step(config, &mut self.control, sensors, target, dt_s);
         for (joint, nm) in JointId::ALL.into_iter().zip(&mut torques.nm) {
-            if mode_of(&found.modes, joint) == Mode::Off {
+            if found.modes[joint.moves().index()] == Mode::Off {
                 *nm = 0.0;
             }
         }
         (self.supervisor.gate(torques.nm), torques.limits)
     }
-}
-
-/// What the finger of a joint does. The thumb's rotation counts as the thumb's.
-fn mode_of(modes: &[Mode; FINGER_COUNT], joint: JointId) -> Mode {
-    modes[joint.finger_joint().map_or(FingerId::Thumb, |(finger, _)| finger).index()]
 }
 
 #[cfg(test)]

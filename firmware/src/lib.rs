@@ -11,6 +11,7 @@ pub mod app;
 #[cfg(all(feature = "mps2-an386", target_os = "none"))]
 pub mod board;
 pub mod control;
+pub mod figures;
 pub mod parameters;
 pub mod safety;
 pub mod selfcheck;

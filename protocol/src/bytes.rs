@@ -64,9 +64,12 @@ newtype_fields!(AngleQ, VelocityQ, TorqueQ, ForceQ, TipTorqueQ, StiffnessQ, Damp
 impl<F: Field, const N: usize> Field for [F; N] {
     const LEN: usize = N * F::LEN;
 
+    // One look at the length for all of them.
     fn put(self, out: &mut Writer<'_>) {
-        for field in self {
-            field.put(out);
+        let Some((head, rest)) = core::mem::take(&mut out.0).split_at_mut_checked(Self::LEN) else { return };
+        out.0 = rest;
+        for (field, place) in self.into_iter().zip(head.chunks_exact_mut(F::LEN)) {
+            field.put(&mut Writer(place));
         }
     }
 

@@ -90,21 +90,33 @@ impl Framer {
         buffer: &'b mut [u8; FRAME_MAX],
     ) -> Result<&'b [u8], MessageLength> {
         let len = message.len();
+        let framed = self.frame_in_place(len, buffer, |place| place.copy_from_slice(message));
+        framed.ok_or(MessageLength { len })
+    }
+
+    /// Frames a message of `len` bytes that `write` puts into its place in `buffer`, and returns the bytes for the wire,
+    /// `len + OVERHEAD` of them. `None`, and no number used up, if a message cannot be so long or the buffer is too short.
+    pub fn frame_in_place<'b>(
+        &mut self,
+        len: usize,
+        buffer: &'b mut [u8],
+        write: impl FnOnce(&mut [u8]),
+    ) -> Option<&'b [u8]> {
         if !(1..=MESSAGE_MAX).contains(&len) {
-            return Err(MessageLength { len });
+            return None;
         }
-        let wire = &mut buffer[..len + OVERHEAD];
-        let [first, code, version, seq @ ..] = wire else { return Err(MessageLength { len }) };
+        let wire = buffer.get_mut(..len + OVERHEAD)?;
+        let ([first, code, version, seq @ ..], rest) = wire.split_first_chunk_mut::<{ 2 + HEADER }>()?;
         (*first, *code, *version) = (DELIMITER, 0, VERSION);
-        seq[..2].copy_from_slice(&self.seq.to_le_bytes());
-        seq[2..2 + len].copy_from_slice(message);
-        let crc_at = 2 + HEADER + len;
-        let crc = CRC_32C.checksum(&wire[2..crc_at]);
-        wire[crc_at..crc_at + CRC_LEN].copy_from_slice(&crc.to_le_bytes());
-        stuffing::stuff(&mut wire[1..crc_at + CRC_LEN]);
-        wire[crc_at + CRC_LEN] = DELIMITER;
+        seq.copy_from_slice(&self.seq.to_le_bytes());
+        write(rest.get_mut(..len)?);
+        let (last, stuffed) = wire.get_mut(1..)?.split_last_mut()?;
+        *last = DELIMITER;
+        let (body, crc) = stuffed.split_last_chunk_mut::<CRC_LEN>()?;
+        *crc = CRC_32C.checksum(body.get(1..)?).to_le_bytes();
+        stuffing::stuff(stuffed);
         self.seq = self.seq.wrapping_add(1);
-        Ok(wire)
+        Some(wire)
     }
 }
 

@@ -161,10 +161,26 @@ impl JointId {
     /// Finger and joint; `None` for the thumb's rotation, which belongs to the palm.
     #[must_use]
     pub const fn finger_joint(self) -> Option<(FingerId, FingerJoint)> {
-        let Some(i) = self.index().checked_sub(1) else { return None };
-        match FingerId::from_index(i / JOINTS_PER_FINGER) {
-            Some(finger) => Some((finger, FingerJoint::ALL[i % JOINTS_PER_FINGER])),
-            None => None,
+        // A table: firmware asks a hundred times a control period.
+        const TABLE: [Option<(FingerId, FingerJoint)>; JOINT_COUNT] = {
+            let mut table = [None; JOINT_COUNT];
+            let mut i = 1;
+            while i < JOINT_COUNT {
+                let finger = FingerId::ALL[(i - 1) / JOINTS_PER_FINGER];
+                table[i] = Some((finger, FingerJoint::ALL[(i - 1) % JOINTS_PER_FINGER]));
+                i += 1;
+            }
+            table
+        };
+        TABLE[self.index()]
+    }
+
+    /// The finger that the joint moves. The thumb's rotation moves the thumb.
+    #[must_use]
+    pub const fn moves(self) -> FingerId {
+        match self.finger_joint() {
+            Some((finger, _)) => finger,
+            None => FingerId::Thumb,
         }
     }
 

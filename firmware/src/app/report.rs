@@ -2,14 +2,13 @@
 
 use protocol::blackbox::Record;
 use protocol::fault::{Code, Limit, LimitSet};
-use protocol::ids::{JOINT_COUNT, JointId};
+use protocol::ids::{FINGER_COUNT, JOINT_COUNT, JointId};
 use protocol::service::Event;
 use protocol::telemetry::{FingerSet, JointSet, Status, TipWrench};
 use protocol::units::{AngleQ, ForceQ, TipTorqueQ, TorqueQ, VelocityQ};
 
-use super::{Controller, mode_of};
-use crate::control;
-use crate::safety::target::Followed;
+use super::Controller;
+use crate::control::{self, Sensors};
 use crate::safety::{Found, Mode};
 
 impl Controller {
@@ -18,8 +17,9 @@ impl Controller {
     pub(super) fn update_state(
         &mut self,
         now_us: u32,
-        found: &Found,
-        followed: &Followed,
+        sensors: &Sensors,
+        modes: &[Mode; FINGER_COUNT],
+        slowed: JointSet,
         limits: &[control::Limit; JOINT_COUNT],
     ) {
         let state = &mut self.state;
@@ -27,12 +27,12 @@ impl Controller {
         state.echoed_seq = self.supervisor.bus().last_seq();
         state.command_age_us = u16::try_from(self.supervisor.bus().age_us()).unwrap_or(u16::MAX);
         state.refused = self.session.counters().refused() as u16;
-        for (i, velocity) in self.control.velocity_rad_per_s().into_iter().enumerate() {
-            update(&mut state.position[i], AngleQ::from_rad(found.sensors.position_rad[i]));
-            update(&mut state.velocity[i], VelocityQ::from_rad_per_s(velocity));
-            update(&mut state.torque[i], TorqueQ::from_nm(found.sensors.joint_torque_nm[i]));
+        for (i, velocity) in self.control.velocity_rad_per_s().iter().enumerate() {
+            update(&mut state.position[i], AngleQ::from_rad(sensors.position_rad[i]));
+            update(&mut state.velocity[i], VelocityQ::from_rad_per_s(*velocity));
+            update(&mut state.torque[i], TorqueQ::from_nm(sensors.joint_torque_nm[i]));
         }
-        for (TipWrench { force, torque }, read) in state.tip_wrench.iter_mut().zip(&found.sensors.tip_wrench)
+        for (TipWrench { force, torque }, read) in state.tip_wrench.iter_mut().zip(&sensors.tip_wrench)
         {
             for i in 0..3 {
                 update(&mut force[i], ForceQ::from_n(read[i]));
@@ -41,13 +41,13 @@ impl Controller {
         }
         let (mut limited, mut reasons) = (JointSet::default(), LimitSet::default());
         for joint in JointId::ALL {
-            let held = match mode_of(&found.modes, joint) {
+            let held = match modes[joint.moves().index()] {
                 Mode::Off => continue,
                 Mode::Follow => None,
                 Mode::Hold => Some(Limit::Held),
                 Mode::Stop => Some(Limit::Stopped),
             };
-            let slowed = followed.limited.contains(joint).then_some(Limit::Speed);
+            let slowed = slowed.contains(joint).then_some(Limit::Speed);
             for limit in [held, slowed, limit_on_wire(limits[joint.index()])].into_iter().flatten() {
                 limited = limited.with(joint);
                 reasons = reasons.with(limit);
@@ -95,8 +95,8 @@ impl Controller {
             ..Record::default()
         };
         for i in 0..JOINT_COUNT {
-            update(&mut record.target[i], AngleQ::from_rad(last.target_rad[i]));
-            update(&mut record.output[i], TorqueQ::from_nm(last.output_nm[i]));
+            update(&mut record.target[i], AngleQ::from_rad(last.excitation.target_rad[i]));
+            update(&mut record.output[i], TorqueQ::from_nm(last.excitation.output_nm[i]));
         }
         self.recorder.record(&record);
     }

@@ -15,6 +15,8 @@ const ZERO_MAX_NM: f32 = 0.2;
 impl Controller {
     /// Answers the request that waits, if one does.
     pub fn serve(&mut self) {
+        // The state comes before the reply, as they were asked for.
+        self.report_if_due();
         let Some(request) = self.session.take_request() else { return };
         let mut record = [0; Record::LEN];
         let answer = self

@@ -1,5 +1,5 @@
-//! The image for QEMU. With the word `lock-step` on its command line it is the hand's controller on a simulated hand; else
-//! it checks its arithmetic, reports and ends.
+//! The image for QEMU. With the word `lock-step` on its command line it is the hand's controller on a simulated hand; with
+//! `figures` it counts what the controller costs; else it checks its arithmetic, reports and ends.
 #![no_std]
 #![no_main]
 
@@ -9,8 +9,9 @@ use cortex_m as _; // its critical section
 use cortex_m::singleton;
 use cortex_m_rt::entry;
 use firmware::app::{Controller, Identity};
-use firmware::board::mps2_an386::{Bench, Console, exit, started_with};
+use firmware::board::mps2_an386::{Bench, Console, InstructionCounter, StackPaint, exit, started_with};
 use firmware::control::Sensors;
+use firmware::figures;
 use firmware::selfcheck::kinematics_digest;
 use protocol::bench::{BusBytes, FromBoard};
 
@@ -25,11 +26,17 @@ const NO_CONTROLLER: u32 = 2;
 
 #[entry]
 fn main() -> ! {
+    let stack = StackPaint::apply();
+    let Some(controller) = singleton!(: Controller = Controller::new(IDENTITY)) else { exit(NO_CONTROLLER) };
     if started_with("lock-step") {
-        match singleton!(: Controller = Controller::new(IDENTITY)) {
-            Some(controller) => control(controller),
-            None => exit(NO_CONTROLLER),
-        }
+        control(controller);
+    }
+    if started_with("figures") {
+        let mut console = Console::open();
+        let reported =
+            figures::report(&InstructionCounter::start(), controller, IDENTITY.period_us, &mut console)
+                .and_then(|()| writeln!(console, "stack {}", stack.used_bytes()));
+        exit(u32::from(reported.is_err()))
     }
     let digest = kinematics_digest(SEED);
     let reported = writeln!(Console::open(), "kinematics_digest seed={SEED} fnv1a64={digest:016x}");

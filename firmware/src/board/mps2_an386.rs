@@ -11,6 +11,8 @@ use core::panic::PanicInfo;
 use cortex_m_semihosting::{nr, syscall, syscall1};
 use protocol::bench::{FromBoard, ToBoard};
 
+use crate::figures::Counter;
+
 /// `SYS_EXIT_EXTENDED` of Arm's semihosting specification 2.0: unlike `SYS_EXIT` it takes a status on 32-bit targets.
 const SYS_EXIT_EXTENDED: usize = 0x20;
 /// The reason of an orderly end, `ADP_Stopped_ApplicationExit`.
@@ -108,6 +110,83 @@ fn write(handle: usize, bytes: &[u8]) -> fmt::Result {
 impl Write for Console {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         write(self.0, text.as_bytes())
+    }
+}
+
+/// Counts instructions with the first of the CMSDK timers, which runs down at 25 MHz. QEMU started with `-icount shift=6`
+/// takes 64 ns for every instruction, which are 1.6 of the timer's steps.
+#[derive(Debug)]
+pub struct InstructionCounter(());
+
+impl InstructionCounter {
+    const CONTROL: *mut u32 = 0x4000_0000 as *mut u32;
+    const VALUE: *mut u32 = 0x4000_0004 as *mut u32;
+    const RELOAD: *mut u32 = 0x4000_000c as *mut u32;
+    const ENABLE: u32 = 1;
+
+    /// Starts the timer.
+    #[must_use]
+    pub fn start() -> Self {
+        // SAFETY: registers of TIMER0, which nothing else uses.
+        unsafe {
+            Self::RELOAD.write_volatile(u32::MAX);
+            Self::VALUE.write_volatile(u32::MAX);
+            Self::CONTROL.write_volatile(Self::ENABLE);
+        }
+        Self(())
+    }
+
+    fn steps(&self) -> u32 {
+        // SAFETY: as above.
+        unsafe { Self::VALUE.read_volatile() }
+    }
+}
+
+impl Counter for InstructionCounter {
+    fn count<T>(&self, work: impl FnOnce() -> T) -> (u32, T) {
+        let before = self.steps();
+        let result = work();
+        let steps = before.wrapping_sub(self.steps());
+        ((steps * 5).div_ceil(8), result)
+    }
+}
+
+/// How deep the stack has been.
+#[derive(Debug)]
+pub struct StackPaint {
+    low: *mut u32,
+    words: usize,
+}
+
+impl StackPaint {
+    /// What unused stack is filled with.
+    const PAINT: u32 = 0x5afe_57ac;
+    /// Bytes below the stack pointer that are left alone: the frame of [`Self::apply`] itself.
+    const MARGIN: usize = 256;
+
+    /// Fills the stack that is not in use.
+    #[must_use]
+    pub fn apply() -> Self {
+        unsafe extern "C" {
+            /// Behind the last static; from the linker script of cortex-m-rt.
+            static mut __euninit: u32;
+        }
+        let low = &raw mut __euninit;
+        let top = cortex_m::register::msp::read() as usize - Self::MARGIN;
+        let words = top.saturating_sub(low as usize) / size_of::<u32>();
+        for i in 0..words {
+            // SAFETY: between the statics and the stack pointer nothing lives.
+            unsafe { low.add(i).write_volatile(Self::PAINT) };
+        }
+        Self { low, words }
+    }
+
+    /// Bytes of stack below [`Self::apply`]'s caller that have been used since.
+    #[must_use]
+    pub fn used_bytes(&self) -> usize {
+        // SAFETY: words that were filled, read as what they are.
+        let untouched = (0..self.words).take_while(|&i| unsafe { self.low.add(i).read_volatile() } == Self::PAINT);
+        (self.words - untouched.count()) * size_of::<u32>() + Self::MARGIN
     }
 }
 

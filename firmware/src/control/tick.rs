@@ -112,12 +112,14 @@ impl Target {
 }
 
 /// What one period leaves for the next.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct State {
-    /// Measurements of the last period; `None` before the first.
-    last: Option<Measured>,
-    /// The last target that was a target.
-    good_target: Option<Target>,
+    /// Measurements of the last period, at rest and none of them good before the first.
+    measured: Measured,
+    /// The last target that was a target, or what stands in for it.
+    target: Target,
+    /// Whether there has been a target that was one.
+    has_target: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -129,11 +131,27 @@ struct Measured {
     good: [bool; JOINT_COUNT],
 }
 
+impl Default for State {
+    fn default() -> Self {
+        let zero = [0.0; JOINT_COUNT];
+        Self {
+            measured: Measured {
+                position_rad: zero,
+                velocity_rad_per_s: zero,
+                torque_nm: zero,
+                good: [false; JOINT_COUNT],
+            },
+            target: Target::hold(zero, ThumbMode::Position),
+            has_target: false,
+        }
+    }
+}
+
 impl State {
     /// Filtered joint speeds, rad/s; zero before the first period.
     #[must_use]
-    pub fn velocity_rad_per_s(&self) -> [f32; JOINT_COUNT] {
-        self.last.map_or([0.0; JOINT_COUNT], |measured| measured.velocity_rad_per_s)
+    pub const fn velocity_rad_per_s(&self) -> &[f32; JOINT_COUNT] {
+        &self.measured.velocity_rad_per_s
     }
 }
 
@@ -155,16 +173,15 @@ pub fn step(config: &Config, state: &mut State, sensors: &Sensors, target: &Targ
         torques.limits[1..].fill(Limit::BadInput);
         return torques;
     }
-    let measured = measure(config, state.last.as_ref(), sensors, dt_s);
-    state.last = Some(measured);
-    let (target, target_is_good) = choose_target(state, &measured, target);
+    state.measured.step(config, sensors, dt_s);
+    let target_is_good = state.choose_target(target);
     for finger in FingerId::ALL {
         let joints = first_joint(finger)..first_joint(finger) + JOINTS_PER_FINGER;
-        if measured.good[joints.clone()].contains(&false) {
+        if state.measured.good[joints.clone()].contains(&false) {
             torques.limits[joints].fill(Limit::BadInput);
             continue;
         }
-        let (nm, limits) = finger_torques(config, finger, &measured, &target);
+        let (nm, limits) = finger_torques(config, finger, &state.measured, &state.target);
         for (k, joint) in joints.enumerate() {
             torques.nm[joint] = nm[k];
             torques.limits[joint] =
@@ -179,45 +196,44 @@ fn first_joint(finger: FingerId) -> usize {
     1 + finger.index() * JOINTS_PER_FINGER
 }
 
-/// Speeds from a filtered difference, torques through a first-order filter. A joint starts at rest, and anew after its
-/// sensors gave no number: a difference over the gap would be a speed that never was.
-fn measure(config: &Config, last: Option<&Measured>, sensors: &Sensors, dt_s: f32) -> Measured {
-    let share = |cut_off: f32| cut_off * dt_s / (1.0 + cut_off * dt_s);
-    let (fast, slow) = (share(config.velocity_filter_rad_per_s), share(config.torque_filter_rad_per_s));
-    let mut now = Measured {
-        position_rad: sensors.position_rad,
-        velocity_rad_per_s: [0.0; JOINT_COUNT],
-        torque_nm: sensors.joint_torque_nm,
-        good: [false; JOINT_COUNT],
-    };
-    for joint in 0..JOINT_COUNT {
-        now.good[joint] =
-            sensors.position_rad[joint].is_finite() && sensors.joint_torque_nm[joint].is_finite();
-        if let Some(last) = last
-            && now.good[joint]
-            && last.good[joint]
-        {
-            let speed = (now.position_rad[joint] - last.position_rad[joint]) / dt_s;
-            let (old_speed, old_torque) = (last.velocity_rad_per_s[joint], last.torque_nm[joint]);
-            now.velocity_rad_per_s[joint] = old_speed + fast * (speed - old_speed);
-            now.torque_nm[joint] = old_torque + slow * (now.torque_nm[joint] - old_torque);
+// In place, for a copy of measurements or of a target costs more than what is done with it.
+impl Measured {
+    /// Speeds from a filtered difference, torques through a first-order filter. A joint starts at rest, and anew after its
+    /// sensors gave no number: a difference over the gap would be a speed that never was.
+    fn step(&mut self, config: &Config, sensors: &Sensors, dt_s: f32) {
+        let share = |cut_off: f32| cut_off * dt_s / (1.0 + cut_off * dt_s);
+        let (fast, slow) = (share(config.velocity_filter_rad_per_s), share(config.torque_filter_rad_per_s));
+        for joint in 0..JOINT_COUNT {
+            let (position_rad, torque_nm) = (sensors.position_rad[joint], sensors.joint_torque_nm[joint]);
+            let is_good = position_rad.is_finite() && torque_nm.is_finite();
+            if is_good && self.good[joint] {
+                let speed = (position_rad - self.position_rad[joint]) / dt_s;
+                self.velocity_rad_per_s[joint] += fast * (speed - self.velocity_rad_per_s[joint]);
+                self.torque_nm[joint] += slow * (torque_nm - self.torque_nm[joint]);
+            } else {
+                (self.velocity_rad_per_s[joint], self.torque_nm[joint]) = (0.0, torque_nm);
+            }
+            (self.position_rad[joint], self.good[joint]) = (position_rad, is_good);
         }
     }
-    now
 }
 
-/// The target if it is one, else the last that was, else to stay where the joints are; and whether it is the new one.
-fn choose_target(state: &mut State, measured: &Measured, target: &Target) -> (Target, bool) {
-    let good = all_finite(&target.position_rad)
-        && all_finite(&target.velocity_rad_per_s)
-        && all_finite(&target.feed_forward_nm);
-    if good {
-        state.good_target = Some(*target);
-        return (*target, true);
+impl State {
+    /// Takes the target if it is one, else the last that was, else to stay where the joints are; whether it is the new one.
+    fn choose_target(&mut self, target: &Target) -> bool {
+        let good = all_finite(&target.position_rad)
+            && all_finite(&target.velocity_rad_per_s)
+            && all_finite(&target.feed_forward_nm);
+        if good {
+            (self.target, self.has_target) = (*target, true);
+        } else if self.has_target {
+            // A speed that nobody renews must not go on.
+            self.target.velocity_rad_per_s = [0.0; JOINT_COUNT];
+        } else {
+            self.target = Target::hold(self.measured.position_rad, target.thumb_mode);
+        }
+        good
     }
-    let held = state.good_target.unwrap_or_else(|| Target::hold(measured.position_rad, target.thumb_mode));
-    // A speed that nobody renews must not go on.
-    (Target { velocity_rad_per_s: [0.0; JOINT_COUNT], ..held }, false)
 }
 
 fn finger_torques(

@@ -133,15 +133,6 @@ pub struct Plausibility {
     wrenches: [u8; FINGER_COUNT],
 }
 
-/// What was found in a period.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Judgement {
-    /// The sensors with angles that jumped replaced by the last good ones.
-    pub sensors: Sensors,
-    /// A fault of a finger's sensors. The thumb's rotation counts as the thumb's.
-    pub faults: [Option<Fault>; FINGER_COUNT],
-}
-
 /// Counts periods in a row; whether there are `strikes` of them.
 fn strike(count: &mut u8, bad: bool, strikes: u8) -> bool {
     *count = if bad { count.saturating_add(1) } else { 0 };
@@ -149,20 +140,20 @@ fn strike(count: &mut u8, bad: bool, strikes: u8) -> bool {
 }
 
 impl Plausibility {
-    /// Judges the sensors of a period that began `elapsed_us` after the one before.
+    /// Judges the sensors of a period that began `elapsed_us` after the one before, and replaces angles that jumped by the
+    /// last good ones. Returns a fault of each finger's; the thumb's rotation counts as the thumb's.
     pub fn step(
         &mut self,
         config: &Config,
-        sensors: &Sensors,
+        sensors: &mut Sensors,
         excitation: &Excitation,
         elapsed_us: u32,
-    ) -> Judgement {
-        let mut judgement = Judgement { sensors: *sensors, faults: [None; FINGER_COUNT] };
+    ) -> [Option<Fault>; FINGER_COUNT] {
+        let mut faults = [None; FINGER_COUNT];
         for (joint, memory) in JointId::ALL.into_iter().zip(&mut self.joints) {
-            let finger = joint.finger_joint().map_or(FingerId::Thumb, |(finger, _)| finger);
             let (angle_rad, fault) = memory.step(config, joint, sensors, excitation, elapsed_us);
-            judgement.sensors.position_rad[joint.index()] = angle_rad;
-            let first = &mut judgement.faults[finger.index()];
+            sensors.position_rad[joint.index()] = angle_rad;
+            let first = &mut faults[joint.moves().index()];
             *first = first.or(fault);
         }
         for (finger, count) in FingerId::ALL.into_iter().zip(&mut self.wrenches) {
@@ -175,10 +166,10 @@ impl Plausibility {
             } else {
                 strike(count, bad, config.strikes).then_some(Fault::WrenchRange)
             };
-            let first = &mut judgement.faults[finger.index()];
+            let first = &mut faults[finger.index()];
             *first = first.or(fault);
         }
-        judgement
+        faults
     }
 }
 

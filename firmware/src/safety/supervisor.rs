@@ -39,12 +39,8 @@ pub struct Cycle<'a> {
     pub heard: Heard,
     /// Control word of its set-point, if one came.
     pub word: Option<ControlWord>,
-    /// What the sensors say.
-    pub sensors: &'a Sensors,
     /// What the hand did the period before.
-    pub target_rad: &'a [f32; JOINT_COUNT],
-    /// Torques of the period before.
-    pub output_nm: &'a [f32; JOINT_COUNT],
+    pub excitation: &'a Excitation,
 }
 
 /// What a finger is to do.
@@ -66,8 +62,6 @@ pub enum Mode {
 pub struct Found {
     /// What every finger is to do.
     pub modes: [Mode; FINGER_COUNT],
-    /// Sensors to control by.
-    pub sensors: Sensors,
     /// Whether the set-point of this period is new and to be followed.
     pub fresh: bool,
     /// A fault that was not there before.
@@ -93,20 +87,15 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// One period.
-    pub fn step(&mut self, config: &Config, cycle: &Cycle<'_>) -> Found {
+    /// One period. Of `sensors` it leaves those to control by.
+    pub fn step(&mut self, config: &Config, cycle: &Cycle<'_>, sensors: &mut Sensors) -> Found {
         let verdict = self.bus.step(&config.bus, &cycle.heard, cycle.elapsed_us);
         self.tier = verdict.tier;
         let before = self.word;
         if let (true, Some(word)) = (verdict.fresh, cycle.word) {
             self.word = word;
         }
-        let excitation = Excitation {
-            target_rad: *cycle.target_rad,
-            output_nm: *cycle.output_nm,
-            active: self.modes().map(|mode| mode != Mode::Off),
-        };
-        let judgement = self.plausibility.step(&config.sensors, cycle.sensors, &excitation, cycle.elapsed_us);
+        let faults = self.plausibility.step(&config.sensors, sensors, cycle.excitation, cycle.elapsed_us);
         let hand_fault = self.hand_fault(config, cycle.elapsed_us);
         let hand_alarm = hand_fault.map_or(Alarm::None, alarm);
 
@@ -117,19 +106,19 @@ impl Supervisor {
         if reset {
             self.first_fault = None;
         }
-        let new_fault = self.latch(cycle.now_us, hand_fault, &judgement.faults);
+        let new_fault = self.latch(cycle.now_us, hand_fault, &faults);
 
-        let ready = judgement.faults.iter().all(Option::is_none);
+        let ready = faults.iter().all(Option::is_none);
         let release = config.release_us.is_some_and(|release_us| self.stopped_us >= release_us);
         let input = Input { word: self.word, alarm: hand_alarm, ready, release };
         let state = self.hand.step(&input);
         for (finger, drive) in FingerId::ALL.into_iter().zip(&mut self.fingers) {
-            let fault = judgement.faults[finger.index()].map_or(Alarm::None, alarm);
+            let fault = faults[finger.index()].map_or(Alarm::None, alarm);
             drive.step(&Input { word: word_for(self.word, finger), alarm: hand_alarm.max(fault), ..input });
         }
         let stopped = state == DriveState::QuickStopActive;
         self.stopped_us = if stopped { self.stopped_us.saturating_add(cycle.elapsed_us) } else { 0 };
-        Found { modes: self.modes(), sensors: judgement.sensors, fresh: verdict.fresh, new_fault, reset }
+        Found { modes: self.modes(), fresh: verdict.fresh, new_fault, reset }
     }
 
     /// A fault of the whole hand, the worst first.

@@ -7,6 +7,8 @@
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use protocol::telemetry::JointSet;
 
+use crate::control::{Target, ThumbMode};
+
 /// How fast a target may change.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config {
@@ -30,12 +32,8 @@ pub struct Follower {
 /// The target of one period.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Followed {
-    /// Joint angles.
-    pub position_rad: [f32; JOINT_COUNT],
-    /// Their speeds.
-    pub velocity_rad_per_s: [f32; JOINT_COUNT],
-    /// Torques to add.
-    pub feed_forward_nm: [f32; JOINT_COUNT],
+    /// Angles, speeds and torques for the control laws.
+    pub target: Target,
     /// Joints whose target is held back.
     pub limited: JointSet,
 }
@@ -63,8 +61,7 @@ impl Follower {
     /// Begins anew where the joints of a finger are, without torque.
     pub fn restart(&mut self, finger: FingerId, measured_rad: &[f32; JOINT_COUNT]) {
         for joint in JointId::ALL {
-            let of = joint.finger_joint().map_or(FingerId::Thumb, |(of, _)| of);
-            if of == finger {
+            if joint.moves() == finger {
                 let i = joint.index();
                 self.position_rad[i] = measured_rad[i];
                 self.feed_forward_nm[i] = 0.0;
@@ -83,14 +80,19 @@ impl Follower {
     }
 
     /// The target `dt_s` later; `dt_s` is more than 0. Fingers not `active` do not move.
-    pub fn step(&mut self, config: &Config, active: [bool; FINGER_COUNT], dt_s: f32) -> Followed {
+    pub fn step(
+        &mut self,
+        config: &Config,
+        active: [bool; FINGER_COUNT],
+        thumb_mode: ThumbMode,
+        dt_s: f32,
+    ) -> Followed {
         let mut limited = JointSet::default();
         let mut velocity_rad_per_s = [0.0; JOINT_COUNT];
         let time_s = self.left_s.max(dt_s);
         let torque_step_nm = config.torque_rate_max_nm_per_s * dt_s;
         for joint in JointId::ALL {
-            let finger = joint.finger_joint().map_or(FingerId::Thumb, |(finger, _)| finger);
-            if !active[finger.index()] {
+            if !active[joint.moves().index()] {
                 continue;
             }
             let i = joint.index();
@@ -107,12 +109,13 @@ impl Follower {
             self.feed_forward_nm[i] += within(self.goal_nm[i] - self.feed_forward_nm[i], torque_step_nm);
         }
         self.left_s = (self.left_s - dt_s).max(0.0);
-        Followed {
+        let target = Target {
             position_rad: self.position_rad,
             velocity_rad_per_s,
             feed_forward_nm: self.feed_forward_nm,
-            limited,
-        }
+            thumb_mode,
+        };
+        Followed { target, limited }
     }
 }
 
@@ -129,30 +132,30 @@ mod tests {
         let mut follower = Follower::new([0.5; JOINT_COUNT]);
         follower.head_for([0.502; JOINT_COUNT], [0.0; JOINT_COUNT], 1e-3);
         for period in 1..=8 {
-            let target = follower.step(&CONFIG, ALL, DT_S);
-            assert!((target.velocity_rad_per_s[3] - 2.0).abs() < 1e-2, "{target:?}");
-            assert!((target.position_rad[3] - (0.5 + 0.00025 * period as f32)).abs() < 1e-6);
+            let target = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
+            assert!((target.target.velocity_rad_per_s[3] - 2.0).abs() < 1e-2, "{target:?}");
+            assert!((target.target.position_rad[3] - (0.5 + 0.00025 * period as f32)).abs() < 1e-6);
             assert_eq!(target.limited, JointSet::default());
         }
-        let there = follower.step(&CONFIG, ALL, DT_S);
-        assert_eq!((there.position_rad[3], there.velocity_rad_per_s[3]), (0.502, 0.0));
+        let there = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
+        assert_eq!((there.target.position_rad[3], there.target.velocity_rad_per_s[3]), (0.502, 0.0));
     }
 
     #[test]
     fn no_command_makes_a_step() {
         let mut follower = Follower::new([0.5; JOINT_COUNT]);
         follower.head_for([2.0; JOINT_COUNT], [-4.0; JOINT_COUNT], DT_S);
-        let mut before = follower.step(&CONFIG, ALL, DT_S);
+        let mut before = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
         assert!(before.limited.contains(JointId::ALL[4]));
         for _ in 0..8000 {
-            let now = follower.step(&CONFIG, ALL, DT_S);
+            let now = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
             for i in 0..JOINT_COUNT {
-                assert!((now.position_rad[i] - before.position_rad[i]).abs() <= 3.0 * DT_S * 1.001);
-                assert!((now.feed_forward_nm[i] - before.feed_forward_nm[i]).abs() <= 50.0 * DT_S * 1.001);
+                assert!((now.target.position_rad[i] - before.target.position_rad[i]).abs() <= 3.0 * DT_S * 1.001);
+                assert!((now.target.feed_forward_nm[i] - before.target.feed_forward_nm[i]).abs() <= 50.0 * DT_S * 1.001);
             }
             before = now;
         }
-        assert_eq!((before.position_rad[4], before.feed_forward_nm[4]), (2.0, -4.0));
+        assert_eq!((before.target.position_rad[4], before.target.feed_forward_nm[4]), (2.0, -4.0));
     }
 
     #[test]
@@ -161,15 +164,15 @@ mod tests {
         follower.head_for([0.6; JOINT_COUNT], [0.1; JOINT_COUNT], 0.0);
         let active = [true, false, true, true];
         for _ in 0..1000 {
-            let _ = follower.step(&CONFIG, active, DT_S);
+            let _ = follower.step(&CONFIG, active, ThumbMode::Position, DT_S);
         }
         follower.restart(FingerId::Index, &[0.55; JOINT_COUNT]);
-        let target = follower.step(&CONFIG, active, DT_S);
-        assert_eq!((target.position_rad[5], target.feed_forward_nm[5]), (0.55, 0.0));
-        assert_eq!((target.position_rad[8], target.feed_forward_nm[8]), (0.6, 0.1));
+        let target = follower.step(&CONFIG, active, ThumbMode::Position, DT_S);
+        assert_eq!((target.target.position_rad[5], target.target.feed_forward_nm[5]), (0.55, 0.0));
+        assert_eq!((target.target.position_rad[8], target.target.feed_forward_nm[8]), (0.6, 0.1));
         follower.stay();
-        let target = follower.step(&CONFIG, ALL, DT_S);
-        assert_eq!((target.position_rad[5], target.velocity_rad_per_s[5]), (0.55, 0.0));
-        assert_eq!(target.feed_forward_nm[8], 0.1);
+        let target = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
+        assert_eq!((target.target.position_rad[5], target.target.velocity_rad_per_s[5]), (0.55, 0.0));
+        assert_eq!(target.target.feed_forward_nm[8], 0.1);
     }
 }

@@ -9,7 +9,7 @@ pub use log::Log;
 
 use protocol::command::Setpoint;
 use protocol::fault::{Code, Refusal};
-use protocol::frame::{Counters, Deframer, FRAME_MAX, Framer, MESSAGE_MAX};
+use protocol::frame::{Counters, Deframer, Framer, MESSAGE_MAX};
 use protocol::message::MessageKind;
 use protocol::service::{Answer, Event, Reply, Request, ServiceError};
 use protocol::telemetry::HandState;
@@ -27,32 +27,27 @@ struct Outbox {
 }
 
 impl Outbox {
-    fn push(&mut self, frame: &[u8]) {
-        let room = self.bytes.get_mut(self.len..).and_then(|room| room.get_mut(..frame.len()));
-        match room {
-            Some(room) => {
-                room.copy_from_slice(frame);
-                self.len += frame.len();
-            }
+    /// Frames a message of `len` bytes, which `write` puts into its place, behind what waits.
+    fn push(&mut self, framer: &mut Framer, len: usize, write: impl FnOnce(&mut [u8])) {
+        let room = self.bytes.get_mut(self.len..).unwrap_or(&mut []);
+        match framer.frame_in_place(len, room, write) {
+            Some(frame) => self.len += frame.len(),
             None => self.dropped = self.dropped.saturating_add(1),
         }
     }
 
     fn take(&mut self, out: &mut [u8]) -> usize {
-        let waiting = self.bytes.get(..self.len).unwrap_or(&[]);
+        let waiting = self.bytes.get_mut(..self.len).unwrap_or(&mut []);
         let len = waiting.len().min(out.len());
-        for (out, byte) in out.iter_mut().zip(waiting) {
-            *out = *byte;
+        let (taken, left) = waiting.split_at_mut(len);
+        if let Some(out) = out.get_mut(..len) {
+            out.copy_from_slice(taken);
         }
+        self.len = left.len();
         // What did not fit moves up; usually all has.
-        let left = self.len.saturating_sub(len);
-        for i in 0..left {
-            let byte = self.bytes.get(len + i).copied();
-            if let (Some(place), Some(byte)) = (self.bytes.get_mut(i), byte) {
-                *place = byte;
-            }
+        if !left.is_empty() {
+            waiting.copy_within(len.., 0);
         }
-        self.len = left;
         len
     }
 }
@@ -152,9 +147,11 @@ impl Session {
 
     /// Queues a state and, if there is one, the oldest event.
     pub fn report(&mut self, state: &HandState) {
-        let mut bytes = [0; HandState::LEN];
-        state.encode(&mut bytes);
-        self.queue(&bytes);
+        self.outbox.push(&mut self.framer, HandState::LEN, |place| {
+            if let Ok(place) = place.try_into() {
+                state.encode(place);
+            }
+        });
         let mut buffer = [0; MESSAGE_MAX];
         if let Some(Ok(message)) = self.log.pop().map(|record| record.encode(&mut buffer)) {
             self.queue(message);
@@ -162,11 +159,7 @@ impl Session {
     }
 
     fn queue(&mut self, message: &[u8]) {
-        let mut buffer = [0; FRAME_MAX];
-        // Every message here has a legal length.
-        if let Ok(frame) = self.framer.frame(message, &mut buffer) {
-            self.outbox.push(frame);
-        }
+        self.outbox.push(&mut self.framer, message.len(), |place| place.copy_from_slice(message));
     }
 
     /// Bytes for the line, as many as there are or as fit; returns how many.

@@ -8,14 +8,29 @@ pub(super) fn stuff(bytes: &mut [u8]) {
     debug_assert!(bytes.len() < 255);
     let Some((first, data)) = bytes.split_first_mut() else { return };
     let mut distance = 1_u8;
-    for byte in data.iter_mut().rev() {
-        if *byte == 0 {
-            *byte = distance;
-            distance = 0;
+    // Four bytes at a time, for most of them hold no zero.
+    let (rest, words) = data.as_rchunks_mut();
+    for word in words.iter_mut().rev() {
+        if has_zero(u32::from_ne_bytes(*word)) {
+            word.iter_mut().rev().for_each(|byte| pass(byte, &mut distance));
+        } else {
+            distance = distance.wrapping_add(4);
         }
-        distance = distance.wrapping_add(1);
     }
+    rest.iter_mut().rev().for_each(|byte| pass(byte, &mut distance));
     *first = distance;
+}
+
+fn pass(byte: &mut u8, distance: &mut u8) {
+    if *byte == 0 {
+        *byte = core::mem::take(distance);
+    }
+    *distance = distance.wrapping_add(1);
+}
+
+/// Whether one of the four bytes is zero (Warren, Hacker's Delight, section 6-1).
+const fn has_zero(word: u32) -> bool {
+    word.wrapping_sub(0x0101_0101) & !word & 0x8080_8080 != 0
 }
 
 /// Undoes [`stuff`]: restores the zeros of `bytes[1..]` and clears `bytes[0]`. False when the distances do not lead

@@ -68,7 +68,7 @@ fn a_bad_sensor_stops_its_finger_alone_and_leaves_no_kick() {
         }
     }
     let _ = step(&config, &mut state, &sensors(bent()), &target, DT_S);
-    assert_eq!(state.velocity_rad_per_s(), [0.0; JOINT_COUNT], "the gap made a speed");
+    assert_eq!(state.velocity_rad_per_s(), &[0.0; JOINT_COUNT], "the gap made a speed");
 }
 
 #[test]

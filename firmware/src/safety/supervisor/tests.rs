@@ -50,11 +50,13 @@ impl Bench {
             elapsed_us,
             heard: Heard { setpoint: word.map(|_| self.seq), frame: word.is_some() },
             word,
-            sensors: &self.sensors,
-            target_rad: &[0.0; JOINT_COUNT],
-            output_nm: &[0.0; JOINT_COUNT],
+            excitation: &Excitation {
+                target_rad: [0.0; JOINT_COUNT],
+                output_nm: [0.0; JOINT_COUNT],
+                active: self.supervisor.modes().map(|mode| mode != Mode::Off),
+            },
         };
-        self.supervisor.step(&self.config, &cycle)
+        self.supervisor.step(&self.config, &cycle, &mut self.sensors.clone())
     }
 
     fn command(&mut self, word: ControlWord) -> Found {

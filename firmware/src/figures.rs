@@ -1,0 +1,164 @@
+//! What the hand's work costs, in instructions: the work that is counted, without the counter, which is a board's.
+//!
+//! All fingers follow set-points and move, the thumb as a spring at its tip; a set-point comes with every second period, as
+//! with 8 kHz of control and 4 kHz of bus. Sensors are noisy, so that no branch always goes one way.
+
+use core::fmt::{self, Write};
+use core::hint::black_box;
+
+use hand_model::HandModel;
+use protocol::command::{ControlWord, Setpoint, ThumbImpedance};
+use protocol::frame::{FRAME_MAX, Framer};
+use protocol::ids::{FINGER_COUNT, JOINT_COUNT};
+use protocol::telemetry::{FingerSet, HandState, TipWrench};
+use protocol::units::{AngleQ, DampingQ, ForceQ, StiffnessQ, TipTorqueQ, TorqueQ, VelocityQ};
+
+use crate::app::Controller;
+use crate::control::impedance::{FingerMotion, tip_torque};
+use crate::control::{Config, Sensors};
+
+/// Counts the instructions of a piece of work.
+pub trait Counter {
+    /// Does the work and returns how many instructions it took, its own included, and what it gave.
+    fn count<T>(&self, work: impl FnOnce() -> T) -> (u32, T);
+}
+
+/// Periods that are counted.
+const PERIODS: u16 = 1000;
+/// Periods before that, in which the drives are switched on.
+const WARM_UP: u16 = 40;
+/// Times that a piece without a state is counted.
+const REPETITIONS: u16 = 5;
+
+/// Counts and writes lines of a name and a number: `nothing`, what counting itself costs; `thumb`, the thumb's impedance
+/// alone; `state_frame`, a state's message, CRC and stuffing; and for every period `receive`, `tick` and `transmit`, which
+/// is [`Controller::serve`] and [`Controller::transmit`].
+///
+/// `hand` is a new one with a period of `period_us`.
+///
+/// # Errors
+///
+/// Those of writing.
+pub fn report(counter: &impl Counter, hand: &mut Controller, period_us: u32, out: &mut impl Write) -> fmt::Result {
+    for _ in 0..REPETITIONS {
+        writeln!(out, "nothing {}", counter.count(|| ()).0)?;
+    }
+    thumb(counter, out)?;
+    state_frame(counter, out)?;
+    periods(counter, hand, period_us, out)
+}
+
+fn thumb(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
+    let config = Config::new(&HandModel::hit_dlr());
+    let mut noise = Noise(1);
+    for _ in 0..REPETITIONS {
+        let mut motion = || FingerMotion {
+            angle_rad: [0.0; 3].map(|_: f32| 0.5 + noise.next(0.2)),
+            speed_rad_per_s: [0.0; 3].map(|_: f32| noise.next(0.5)),
+        };
+        let (is, should) = black_box((motion(), motion()));
+        let (instructions, _) =
+            counter.count(|| black_box(tip_torque(&config.finger, &config.thumb, &is, &should)));
+        writeln!(out, "thumb {instructions}")?;
+    }
+    Ok(())
+}
+
+/// Of a hand that moves, and of one whose state is nothing but zeros, which is the worst for the stuffing.
+fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
+    let mut framer = Framer::default();
+    let mut noise = Noise(3);
+    for seq in 0..REPETITIONS {
+        let zeros = HandState { seq, ..HandState::default() };
+        let mut digits = || noise.next(2000.0) as i16;
+        let moving = HandState {
+            position: zeros.position.map(|_| AngleQ(digits())),
+            velocity: zeros.velocity.map(|_| VelocityQ(digits())),
+            torque: zeros.torque.map(|_| TorqueQ(digits())),
+            tip_wrench: zeros.tip_wrench.map(|_| TipWrench {
+                force: [0; 3].map(|_| ForceQ(digits())),
+                torque: [0; 3].map(|_| TipTorqueQ(digits())),
+            }),
+            ..zeros
+        };
+        for (name, state) in [("state_frame", moving), ("state_frame_of_zeros", zeros)] {
+            let mut wire = [0; FRAME_MAX];
+            let state = black_box(state);
+            let (instructions, _) = counter.count(|| {
+                let frame = framer.frame_in_place(HandState::LEN, black_box(&mut wire), |place| {
+                    if let Ok(place) = place.try_into() {
+                        state.encode(place);
+                    }
+                });
+                black_box(frame.map(<[u8]>::len))
+            });
+            writeln!(out, "{name} {instructions}")?;
+        }
+    }
+    Ok(())
+}
+
+fn periods(counter: &impl Counter, hand: &mut Controller, period_us: u32, out: &mut impl Write) -> fmt::Result {
+    let mut framer = Framer::default();
+    let mut noise = Noise(2);
+    let words = [
+        ControlWord::DISABLE_VOLTAGE,
+        ControlWord::SHUTDOWN,
+        ControlWord::SWITCH_ON,
+        ControlWord::ENABLE_OPERATION.with_thumb_impedance(),
+    ];
+    let mut wire = [0; FRAME_MAX];
+    for period in 0..WARM_UP + PERIODS {
+        let angle_rad = swing_rad(period);
+        let mut message = [0; Setpoint::LEN];
+        setpoint(period, words[usize::from(period / 2).min(words.len() - 1)], angle_rad).encode(&mut message);
+        let frame = if period % 2 == 0 { framer.frame(&message, &mut wire).unwrap_or(&[]) } else { &[] };
+        let sensors = Sensors {
+            position_rad: [0.0; JOINT_COUNT].map(|_: f32| angle_rad + noise.next(1e-4)),
+            joint_torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(0.02)),
+            tip_wrench: [[0.0; 6]; FINGER_COUNT].map(|wrench| wrench.map(|_: f32| noise.next(0.05))),
+        };
+        let (receive, ()) = counter.count(|| hand.receive(black_box(frame)));
+        let now_us = u32::from(period) * period_us;
+        let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
+        black_box(output);
+        let mut room = [0; FRAME_MAX];
+        let (transmit, _) = counter.count(|| {
+            hand.serve();
+            hand.transmit(black_box(&mut room))
+        });
+        if period >= WARM_UP {
+            writeln!(out, "receive {receive}\ntick {tick}\ntransmit {transmit}")?;
+        }
+    }
+    Ok(())
+}
+
+/// To and fro at 1 rad/s of a controller at 8 kHz.
+fn swing_rad(period: u16) -> f32 {
+    let phase = period % 800;
+    0.5 + f32::from(phase.min(800 - phase)) * 125e-6
+}
+
+fn setpoint(seq: u16, word: ControlWord, angle_rad: f32) -> Setpoint {
+    let stiffness = StiffnessQ::from_n_per_m(500.0).unwrap_or_default();
+    let damping = DampingQ::from_n_s_per_m(10.0).unwrap_or_default();
+    Setpoint {
+        seq,
+        control: word.with_fingers(FingerSet::ALL),
+        position: [AngleQ::from_rad(angle_rad).unwrap_or_default(); JOINT_COUNT],
+        thumb: ThumbImpedance { stiffness: [stiffness; 3], damping: [damping; 3] },
+        ..Setpoint::default()
+    }
+}
+
+/// Numbers that look random, from a linear congruence (Numerical Recipes, 3rd edition, section 7.1).
+struct Noise(u32);
+
+impl Noise {
+    /// Within `+-most`.
+    fn next(&mut self, most: f32) -> f32 {
+        self.0 = self.0.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+        ((self.0 >> 16) as f32 / 32_768.0 - 1.0) * most
+    }
+}
