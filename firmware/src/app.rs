@@ -13,17 +13,17 @@ mod report;
 mod service;
 
 use hand_model::HandModel;
-use protocol::command::Setpoint;
+use protocol::command::ThumbImpedance;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use protocol::service::Event;
 use protocol::telemetry::{BusTier, DriveState, HandState};
 use protocol::units::{AngleQ, TorqueQ};
 
-use crate::control::{self, Sensors, Target, ThumbMode};
+use crate::control::{self, Sensors, ThumbMode};
 use crate::parameters::{Parameters, Settings};
 use crate::safety::recorder::Recorder;
 use crate::safety::sensors::Excitation;
-use crate::safety::target::{Followed, Follower};
+use crate::safety::target::Follower;
 use crate::safety::watch::Part;
 use crate::safety::{Cycle, Found, Mode, Supervisor, bus::Heard};
 use crate::session::Session;
@@ -61,7 +61,7 @@ pub struct Controller {
     supervisor: Supervisor,
     recorder: Recorder,
     control: control::State,
-    follower: Option<Follower>,
+    follower: Follower,
     /// Stiffness of the thumb's tip as it is now, along x, y, z.
     thumb_stiffness_n_per_m: [f32; 3],
     zero_nm: [f32; JOINT_COUNT],
@@ -75,12 +75,15 @@ pub struct Controller {
 #[derive(Debug, Clone, Copy)]
 struct Last {
     now_us: Option<u32>,
-    setpoint: Setpoint,
+    thumb: ThumbImpedance,
     setpoint_us: u32,
     modes: [Mode; FINGER_COUNT],
     excitation: Excitation,
     /// Strain gauges before their zero is taken off.
     raw_torque_nm: [f32; JOINT_COUNT],
+    /// Sensors with their zeros, as they were believed.
+    sensors: Sensors,
+    limits: [control::Limit; JOINT_COUNT],
     drives: (DriveState, [DriveState; FINGER_COUNT]),
     tier: BusTier,
 }
@@ -103,22 +106,34 @@ impl Controller {
             supervisor: Supervisor::default(),
             recorder: Recorder::default(),
             control: control::State::default(),
-            follower: None,
+            follower: Follower::new(zero),
             thumb_stiffness_n_per_m: [0.0; 3],
             zero_nm: zero,
             last: Last {
                 now_us: None,
-                setpoint: Setpoint::default(),
+                thumb: ThumbImpedance::default(),
                 setpoint_us: 0,
                 modes: [Mode::Off; FINGER_COUNT],
                 excitation: Excitation { target_rad: zero, output_nm: zero, active: [false; FINGER_COUNT] },
                 raw_torque_nm: zero,
+                sensors: Sensors {
+                    position_rad: zero,
+                    joint_torque_nm: zero,
+                    tip_wrench: [[0.0; 6]; FINGER_COUNT],
+                },
+                limits: [control::Limit::None; JOINT_COUNT],
                 drives: Default::default(),
                 tier: BusTier::default(),
             },
             state: HandState::default(),
             report_is_due: false,
         }
+    }
+
+    /// The control laws in operation.
+    #[must_use]
+    pub const fn control_config(&self) -> &control::Config {
+        &self.settings.control
     }
 
     /// Takes what the line has brought, which may be nothing.
@@ -137,6 +152,7 @@ impl Controller {
     /// for it.
     fn report_if_due(&mut self) {
         if core::mem::take(&mut self.report_is_due) {
+            self.update_state();
             self.session.report(&self.state);
         }
     }
@@ -148,113 +164,111 @@ impl Controller {
         self.last.now_us = Some(now_us);
         let dt_s = elapsed_us as f32 * 1e-6;
         self.last.raw_torque_nm = sensors.joint_torque_nm;
-        let mut zeroed = *sensors;
-        for (torque, zero) in zeroed.joint_torque_nm.iter_mut().zip(self.zero_nm) {
-            *torque -= zero;
+        // Array by array: what is longer becomes a call, at four instructions a word.
+        self.last.sensors.position_rad = sensors.position_rad;
+        for i in 0..JOINT_COUNT {
+            self.last.sensors.joint_torque_nm[i] = sensors.joint_torque_nm[i] - self.zero_nm[i];
+        }
+        for (wrench, read) in self.last.sensors.tip_wrench.iter_mut().zip(&sensors.tip_wrench) {
+            *wrench = *read;
         }
 
-        let setpoint = self.session.take_setpoint();
+        let setpoint = self.session.take_setpoint().map(|setpoint| (setpoint.seq, setpoint.control));
         self.supervisor.check_in(Part::Sensors);
         let found = self.supervisor.step(
             &self.settings.safety,
             &Cycle {
                 now_us,
                 elapsed_us,
-                heard: Heard {
-                    setpoint: setpoint.as_ref().map(|setpoint| setpoint.seq),
-                    frame: self.session.take_frames(),
-                },
-                word: setpoint.as_ref().map(|setpoint| setpoint.control),
+                heard: Heard { setpoint: setpoint.map(|(seq, _)| seq), frame: self.session.take_frames() },
+                word: setpoint.map(|(_, word)| word),
                 excitation: &self.last.excitation,
             },
-            &mut zeroed,
+            &mut self.last.sensors,
         );
-        let sensors = &zeroed;
-        let setpoint = setpoint.filter(|_| found.fresh);
-        let followed = self.follow(&found, sensors, setpoint.as_ref(), now_us, dt_s);
-        let (output_nm, limits) = self.control(&found, sensors, &followed.target, dt_s);
-        let enabled = found.modes.map(|mode| mode != Mode::Off);
-        self.last.excitation =
-            Excitation { target_rad: followed.target.position_rad, output_nm, active: enabled };
-        self.last.modes = found.modes;
-
-        self.update_state(now_us, sensors, &found.modes, followed.limited, &limits);
-        self.record(&found);
-        if setpoint.is_some() {
+        if found.fresh {
             self.state.seq = self.state.seq.wrapping_add(1);
             self.report_is_due = true;
         }
+        self.follow(&found, now_us, dt_s);
+        let output_nm = self.control(&found, dt_s);
+        let enabled = found.modes.map(|mode| mode != Mode::Off);
+        let target_rad = self.follower.target().position_rad;
+        self.last.excitation = Excitation { target_rad, output_nm, active: enabled };
+        self.last.modes = found.modes;
+        self.record(now_us, &found);
         self.supervisor.check_in(Part::Control);
         Output {
             torque_nm: output_nm,
             enabled,
             thumb_rotation_rad: enabled[FingerId::Thumb.index()]
-                .then_some(followed.target.position_rad[JointId::THUMB_ROTATION.index()]),
+                .then_some(target_rad[JointId::THUMB_ROTATION.index()]),
             feed_watchdog: self.supervisor.may_feed(elapsed_us),
         }
     }
 
-    /// The target of this period.
-    fn follow(
-        &mut self,
-        found: &Found,
-        sensors: &Sensors,
-        setpoint: Option<&Setpoint>,
-        now_us: u32,
-        dt_s: f32,
-    ) -> Followed {
-        let measured = &sensors.position_rad;
-        let follower = self.follower.get_or_insert_with(|| Follower::new(*measured));
+    /// Moves the target on.
+    fn follow(&mut self, found: &Found, now_us: u32, dt_s: f32) {
+        let measured = &self.last.sensors.position_rad;
         for finger in FingerId::ALL {
             let i = finger.index();
             if found.modes[i] == Mode::Off || self.last.modes[i] == Mode::Off {
-                follower.restart(finger, measured);
+                self.follower.restart(finger, measured);
             }
         }
-        if let Some(setpoint) = setpoint {
+        if found.fresh {
+            let setpoint = self.session.last_setpoint();
             let between_us = now_us.wrapping_sub(self.last.setpoint_us).min(self.settings.safety.bus.stop_us);
-            (self.last.setpoint, self.last.setpoint_us) = (*setpoint, now_us);
-            follower.head_for(
+            (self.last.thumb, self.last.setpoint_us) = (setpoint.thumb, now_us);
+            let thumb_mode =
+                if setpoint.control.thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
+            self.follower.head_for(
                 setpoint.position.map(AngleQ::to_rad),
                 setpoint.feed_forward.map(TorqueQ::to_nm),
+                thumb_mode,
                 between_us as f32 * 1e-6,
             );
         }
         if found.modes.iter().any(|mode| matches!(mode, Mode::Hold | Mode::Stop)) {
-            follower.stay();
+            self.follower.stay();
         }
-        let thumb_mode =
-            if self.supervisor.word().thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
-        follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), thumb_mode, dt_s)
+        self.follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), dt_s);
     }
 
-    /// Torques of this period, and why they are less than asked.
-    fn control(
-        &mut self,
-        found: &Found,
-        sensors: &Sensors,
-        target: &Target,
-        dt_s: f32,
-    ) -> ([f32; JOINT_COUNT], [control::Limit; JOINT_COUNT]) {
+    /// Torques of this period; why they are less than asked is left in `last`.
+    fn control(&mut self, found: &Found, dt_s: f32) -> [f32; JOINT_COUNT] {
         let stops = found.modes.contains(&Mode::Stop);
         let config = if stops { &mut self.settings.stop } else { &mut self.settings.control };
-        let asked = &self.last.setpoint.thumb;
+        let asked = &self.last.thumb;
         let most = self.settings.thumb_stiffness_max_n_per_m;
         for (now, asked) in self.thumb_stiffness_n_per_m.iter_mut().zip(asked.stiffness) {
             let tighter = *now + self.settings.thumb_stiffness_rate_n_per_m_s * dt_s;
-            *now = asked.to_n_per_m().min(most).min(tighter);
+            *now = least([asked.to_n_per_m(), most, tighter]);
         }
         config.thumb.stiffness_n_per_m = self.thumb_stiffness_n_per_m;
         let most = self.settings.thumb_damping_max_n_s_per_m;
-        config.thumb.damping_n_s_per_m = asked.damping.map(|asked| asked.to_n_s_per_m().min(most));
+        config.thumb.damping_n_s_per_m = asked.damping.map(|asked| least([asked.to_n_s_per_m(), most, most]));
+
+        let (sensors, target) = (&self.last.sensors, self.follower.target());
         let mut torques = control::step(config, &mut self.control, sensors, target, dt_s);
-        for (joint, nm) in JointId::ALL.into_iter().zip(&mut torques.nm) {
-            if found.modes[joint.moves().index()] == Mode::Off {
-                *nm = 0.0;
+        for finger in FingerId::ALL {
+            if found.modes[finger.index()] == Mode::Off {
+                torques.nm[finger.joints()].fill(0.0);
             }
         }
-        (self.supervisor.gate(torques.nm), torques.limits)
+        self.last.limits = torques.limits;
+        self.supervisor.gate(torques.nm)
     }
+}
+
+/// The least of three numbers. `min`, which thinks of NaN, is a call of twenty instructions.
+fn least([mut least, b, c]: [f32; 3]) -> f32 {
+    for other in [b, c] {
+        if other < least {
+            least = other;
+        }
+    }
+    least
 }
 
 #[cfg(test)]

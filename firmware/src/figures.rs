@@ -6,10 +6,9 @@
 use core::fmt::{self, Write};
 use core::hint::black_box;
 
-use hand_model::HandModel;
 use protocol::command::{ControlWord, Setpoint, ThumbImpedance};
 use protocol::frame::{FRAME_MAX, Framer};
-use protocol::ids::{FINGER_COUNT, JOINT_COUNT};
+use protocol::ids::{FINGER_COUNT, FingerJoint, JOINT_COUNT, JointId};
 use protocol::telemetry::{FingerSet, HandState, TipWrench};
 use protocol::units::{AngleQ, DampingQ, ForceQ, StiffnessQ, TipTorqueQ, TorqueQ, VelocityQ};
 
@@ -32,28 +31,33 @@ const REPETITIONS: u16 = 5;
 
 /// Counts and writes lines of a name and a number: `nothing`, what counting itself costs; `thumb`, the thumb's impedance
 /// alone; `state_frame`, a state's message, CRC and stuffing; and for every period `receive`, `tick` and `transmit`, which
-/// is [`Controller::serve`] and [`Controller::transmit`].
+/// is [`Controller::serve`] and [`Controller::transmit`]. Last `enabled`, the periods in which all fingers had torque.
 ///
 /// `hand` is a new one with a period of `period_us`.
 ///
 /// # Errors
 ///
 /// Those of writing.
-pub fn report(counter: &impl Counter, hand: &mut Controller, period_us: u32, out: &mut impl Write) -> fmt::Result {
+pub fn report(
+    counter: &impl Counter,
+    hand: &mut Controller,
+    period_us: u32,
+    out: &mut impl Write,
+) -> fmt::Result {
     for _ in 0..REPETITIONS {
         writeln!(out, "nothing {}", counter.count(|| ()).0)?;
     }
-    thumb(counter, out)?;
+    thumb(counter, hand.control_config(), out)?;
     state_frame(counter, out)?;
     periods(counter, hand, period_us, out)
 }
 
-fn thumb(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
-    let config = Config::new(&HandModel::hit_dlr());
+fn thumb(counter: &impl Counter, config: &Config, out: &mut impl Write) -> fmt::Result {
     let mut noise = Noise(1);
     for _ in 0..REPETITIONS {
+        // Some millimetres apart, so that the spring's force is not cut.
         let mut motion = || FingerMotion {
-            angle_rad: [0.0; 3].map(|_: f32| 0.5 + noise.next(0.2)),
+            angle_rad: [0.0; 3].map(|_: f32| 0.5 + noise.next(0.05)),
             speed_rad_per_s: [0.0; 3].map(|_: f32| noise.next(0.5)),
         };
         let (is, should) = black_box((motion(), motion()));
@@ -98,7 +102,12 @@ fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
     Ok(())
 }
 
-fn periods(counter: &impl Counter, hand: &mut Controller, period_us: u32, out: &mut impl Write) -> fmt::Result {
+fn periods(
+    counter: &impl Counter,
+    hand: &mut Controller,
+    period_us: u32,
+    out: &mut impl Write,
+) -> fmt::Result {
     let mut framer = Framer::default();
     let mut noise = Noise(2);
     let words = [
@@ -108,20 +117,22 @@ fn periods(counter: &impl Counter, hand: &mut Controller, period_us: u32, out: &
         ControlWord::ENABLE_OPERATION.with_thumb_impedance(),
     ];
     let mut wire = [0; FRAME_MAX];
+    let mut enabled = 0;
     for period in 0..WARM_UP + PERIODS {
-        let angle_rad = swing_rad(period);
+        let angles_rad = swing_rad(period);
         let mut message = [0; Setpoint::LEN];
-        setpoint(period, words[usize::from(period / 2).min(words.len() - 1)], angle_rad).encode(&mut message);
+        setpoint(period, words[usize::from(period / 2).min(words.len() - 1)], &angles_rad)
+            .encode(&mut message);
         let frame = if period % 2 == 0 { framer.frame(&message, &mut wire).unwrap_or(&[]) } else { &[] };
         let sensors = Sensors {
-            position_rad: [0.0; JOINT_COUNT].map(|_: f32| angle_rad + noise.next(1e-4)),
+            position_rad: angles_rad.map(|angle_rad| angle_rad + noise.next(1e-4)),
             joint_torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(0.02)),
             tip_wrench: [[0.0; 6]; FINGER_COUNT].map(|wrench| wrench.map(|_: f32| noise.next(0.05))),
         };
         let (receive, ()) = counter.count(|| hand.receive(black_box(frame)));
         let now_us = u32::from(period) * period_us;
         let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
-        black_box(output);
+        enabled += u16::from(period >= WARM_UP && output.enabled == [true; FINGER_COUNT]);
         let mut room = [0; FRAME_MAX];
         let (transmit, _) = counter.count(|| {
             hand.serve();
@@ -131,22 +142,26 @@ fn periods(counter: &impl Counter, hand: &mut Controller, period_us: u32, out: &
             writeln!(out, "receive {receive}\ntick {tick}\ntransmit {transmit}")?;
         }
     }
-    Ok(())
+    writeln!(out, "enabled {enabled}")
 }
 
-/// To and fro at 1 rad/s of a controller at 8 kHz.
-fn swing_rad(period: u16) -> f32 {
+/// To and fro at 1 rad/s of a controller at 8 kHz; abductions stand in the middle.
+fn swing_rad(period: u16) -> [f32; JOINT_COUNT] {
     let phase = period % 800;
-    0.5 + f32::from(phase.min(800 - phase)) * 125e-6
+    let bend_rad = 0.5 + f32::from(phase.min(800 - phase)) * 125e-6;
+    JointId::ALL.map(|joint| match joint.finger_joint() {
+        None | Some((_, FingerJoint::Abduction)) => 0.05,
+        Some((_, FingerJoint::Flexion | FingerJoint::Middle)) => bend_rad,
+    })
 }
 
-fn setpoint(seq: u16, word: ControlWord, angle_rad: f32) -> Setpoint {
+fn setpoint(seq: u16, word: ControlWord, angles_rad: &[f32; JOINT_COUNT]) -> Setpoint {
     let stiffness = StiffnessQ::from_n_per_m(500.0).unwrap_or_default();
     let damping = DampingQ::from_n_s_per_m(10.0).unwrap_or_default();
     Setpoint {
         seq,
         control: word.with_fingers(FingerSet::ALL),
-        position: [AngleQ::from_rad(angle_rad).unwrap_or_default(); JOINT_COUNT],
+        position: angles_rad.map(|angle_rad| AngleQ::from_rad(angle_rad).unwrap_or_default()),
         thumb: ThumbImpedance { stiffness: [stiffness; 3], damping: [damping; 3] },
         ..Setpoint::default()
     }

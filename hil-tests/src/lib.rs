@@ -6,6 +6,7 @@
 
 pub mod client;
 pub mod corruption;
+pub mod figures;
 pub mod image;
 pub mod lockstep;
 pub mod qemu;

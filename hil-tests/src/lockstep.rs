@@ -76,7 +76,8 @@ impl Lockstep {
         let to_board = pipe("to_board").map_err(failed("making a pipe"))?;
         let mut pipe_from_board = pipe("from_board").map_err(failed("making a pipe"))?;
         let mut child = Qemu::new("mps2-an386", elf)
-            .command(",arg=lock-step")
+            .word("lock-step")
+            .command()
             .current_dir(folder.path())
             .spawn()
             .map_err(failed("starting qemu-system-arm"))?;

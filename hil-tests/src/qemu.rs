@@ -49,7 +49,7 @@ pub struct Run {
 
 /// A run to be started.
 ///
-/// Time inside is virtual: every instruction takes 8 ns and idling costs nothing, so a run gives the same output at the
+/// Time inside is virtual: every instruction takes 8 ns, unless said otherwise, and idling costs nothing, so a run gives the same output at the
 /// same virtual instants on every machine, however busy.
 #[derive(Debug, Clone)]
 pub struct Qemu {
@@ -57,6 +57,8 @@ pub struct Qemu {
     machine: String,
     image: PathBuf,
     arguments: Vec<String>,
+    words: String,
+    instruction_shift: u8,
 }
 
 /// The emulator, which dies with this value.
@@ -80,6 +82,8 @@ impl Qemu {
             machine: machine.to_owned(),
             image: elf.to_owned(),
             arguments: Vec::new(),
+            words: String::new(),
+            instruction_shift: 3,
         }
     }
 
@@ -97,14 +101,28 @@ impl Qemu {
         self
     }
 
-    /// The command that runs the image; `words` is what the image finds on its command line behind its name, each with
-    /// `,arg=` before it.
-    pub(crate) fn command(&self, words: &str) -> Command {
+    /// With one more word on the image's own command line, behind its name.
+    #[must_use]
+    pub fn word(mut self, word: &str) -> Self {
+        self.words.push_str(",arg=");
+        self.words.push_str(word);
+        self
+    }
+
+    /// With instructions that take 2^`shift` nanoseconds.
+    #[must_use]
+    pub fn instruction_shift(mut self, shift: u8) -> Self {
+        self.instruction_shift = shift;
+        self
+    }
+
+    /// The command that runs the image.
+    pub(crate) fn command(&self) -> Command {
         let mut command = Command::new(&self.program);
         command
             .args(["-machine", &self.machine, "-display", "none", "-monitor", "none", "-serial", "null"])
-            .args(["-icount", "shift=3,sleep=off"])
-            .args(["-semihosting-config", &format!("enable=on,target=native,arg=image{words}")])
+            .args(["-icount", &format!("shift={},sleep=off", self.instruction_shift)])
+            .args(["-semihosting-config", &format!("enable=on,target=native,arg=image{}", self.words)])
             .args(&self.arguments)
             .arg("-kernel")
             .arg(&self.image)
@@ -124,7 +142,7 @@ impl Qemu {
             io::ErrorKind::NotFound => QemuError::NotInstalled { program: self.program.clone() },
             _ => QemuError::Io { program: self.program.clone(), source },
         };
-        let mut child = self.command("").spawn().map_err(io_error)?;
+        let mut child = self.command().spawn().map_err(io_error)?;
         let stdout = drain(child.stdout.take());
         let stderr = drain(child.stderr.take());
         let mut running = Running(child);

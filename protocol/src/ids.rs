@@ -1,5 +1,7 @@
 //! Names and order of fingers and joints. The order is part of the wire: a number is never reused.
 
+use core::ops::Range;
+
 /// Fingers of the hand.
 pub const FINGER_COUNT: usize = 4;
 
@@ -37,6 +39,16 @@ impl FingerId {
     #[must_use]
     pub const fn from_index(index: usize) -> Option<Self> {
         if index < FINGER_COUNT { Some(Self::ALL[index]) } else { None }
+    }
+
+    /// Indices of the joints that [move](JointId::moves) the finger.
+    #[must_use]
+    pub const fn joints(self) -> Range<usize> {
+        let end = 1 + (self.index() + 1) * JOINTS_PER_FINGER;
+        match self {
+            Self::Thumb => 0..end,
+            Self::Index | Self::Middle | Self::Ring => end - JOINTS_PER_FINGER..end,
+        }
     }
 
     /// Lower-case name, as in plans and logs.

@@ -5,13 +5,20 @@
 //! exact. Conversion from `f32` rounds to the nearest digit, saturates at the ends, and answers `None` to NaN:
 //! no wire value stands for "not a number", and zero would be an invented one.
 
-/// Nearest integer, ties away from zero, saturating; `None` for NaN. `core` has no `f32::round`; the cast truncates
-/// and saturates.
+/// Nearest integer, ties to even, saturating; `None` for NaN.
+///
+/// A number of less than 2^22 that 1.5 * 2^23 is added to has no digits left behind the point, and its integer stands in the low
+/// bits of the sum. A cast is twice as long on the target, for it has NaN and the ends of the range to think of.
 fn nearest(digits: f32) -> Option<i32> {
-    if digits.is_nan() {
-        return None;
+    const SHIFT: f32 = 12_582_912.0;
+    const MOST: f32 = 4_194_304.0;
+    if digits.abs() < MOST {
+        Some((digits + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits()) as i32)
+    } else if digits.is_nan() {
+        None
+    } else {
+        Some(if digits > 0.0 { i32::MAX } else { i32::MIN })
     }
-    Some((digits + if digits < 0.0 { -0.5 } else { 0.5 }) as i32)
 }
 
 macro_rules! wire_quantity {
@@ -36,7 +43,7 @@ macro_rules! wire_quantity {
             #[doc = concat!("Nearest wire value to a number of ", $unit, ", saturating; `None` for NaN.")]
             #[must_use]
             pub fn $from(value: f32) -> Option<Self> {
-                let digits = nearest(value / Self::$lsb)?;
+                let digits = nearest(value * (1.0 / Self::$lsb))?;
                 Some(Self(digits.clamp(i32::from(<$int>::MIN), i32::from(<$int>::MAX)) as $int))
             }
 

@@ -1,39 +1,28 @@
 //! What the hand tells of itself: the state for the bus, the black box, the log.
 
-use protocol::blackbox::Record;
 use protocol::fault::{Code, Limit, LimitSet};
-use protocol::ids::{FINGER_COUNT, JOINT_COUNT, JointId};
+use protocol::ids::{JOINT_COUNT, JointId};
 use protocol::service::Event;
 use protocol::telemetry::{FingerSet, JointSet, Status, TipWrench};
 use protocol::units::{AngleQ, ForceQ, TipTorqueQ, TorqueQ, VelocityQ};
 
 use super::Controller;
-use crate::control::{self, Sensors};
-use crate::safety::{Found, Mode};
+use crate::control;
+use crate::safety::{Found, Mode, Supervisor};
 
 impl Controller {
-    /// What the host will be told. A reading that is no number leaves the last one: no wire value stands for it, and
-    /// the fault tells.
-    pub(super) fn update_state(
-        &mut self,
-        now_us: u32,
-        sensors: &Sensors,
-        modes: &[Mode; FINGER_COUNT],
-        slowed: JointSet,
-        limits: &[control::Limit; JOINT_COUNT],
-    ) {
-        let state = &mut self.state;
-        state.t_us = now_us;
+    /// What the host will be told, beside what [`Self::record`] has noted in every period. A reading that is no number
+    /// leaves the last one: no wire value stands for it, and the fault tells.
+    pub(super) fn update_state(&mut self) {
+        let (state, last) = (&mut self.state, &self.last);
+        state.t_us = last.now_us.unwrap_or(0);
         state.echoed_seq = self.supervisor.bus().last_seq();
         state.command_age_us = u16::try_from(self.supervisor.bus().age_us()).unwrap_or(u16::MAX);
         state.refused = self.session.counters().refused() as u16;
         for (i, velocity) in self.control.velocity_rad_per_s().iter().enumerate() {
-            update(&mut state.position[i], AngleQ::from_rad(sensors.position_rad[i]));
             update(&mut state.velocity[i], VelocityQ::from_rad_per_s(*velocity));
-            update(&mut state.torque[i], TorqueQ::from_nm(sensors.joint_torque_nm[i]));
         }
-        for (TipWrench { force, torque }, read) in state.tip_wrench.iter_mut().zip(&sensors.tip_wrench)
-        {
+        for (TipWrench { force, torque }, read) in state.tip_wrench.iter_mut().zip(&last.sensors.tip_wrench) {
             for i in 0..3 {
                 update(&mut force[i], ForceQ::from_n(read[i]));
                 update(&mut torque[i], TipTorqueQ::from_nm(read[3 + i]));
@@ -41,14 +30,14 @@ impl Controller {
         }
         let (mut limited, mut reasons) = (JointSet::default(), LimitSet::default());
         for joint in JointId::ALL {
-            let held = match modes[joint.moves().index()] {
+            let held = match last.modes[joint.moves().index()] {
                 Mode::Off => continue,
                 Mode::Follow => None,
                 Mode::Hold => Some(Limit::Held),
                 Mode::Stop => Some(Limit::Stopped),
             };
-            let slowed = slowed.contains(joint).then_some(Limit::Speed);
-            for limit in [held, slowed, limit_on_wire(limits[joint.index()])].into_iter().flatten() {
+            let slowed = self.follower.limited().contains(joint).then_some(Limit::Speed);
+            for limit in [held, slowed, limit_on_wire(last.limits[joint.index()])].into_iter().flatten() {
                 limited = limited.with(joint);
                 reasons = reasons.with(limit);
             }
@@ -57,7 +46,7 @@ impl Controller {
             drive: self.supervisor.hand(),
             fingers: self.supervisor.fingers(),
             bus: self.supervisor.tier(),
-            fault: self.supervisor.first_fault().map_or(Code::NONE, |first| first.code),
+            fault: first_fault(&self.supervisor),
             slipping: FingerSet::default(),
             limited,
             limits: reasons,
@@ -65,41 +54,45 @@ impl Controller {
     }
 
     /// Into the black box, and what has changed into the log.
-    pub(super) fn record(&mut self, found: &Found) {
-        let (state, last) = (&self.state, &mut self.last);
-        let status = &state.status;
-        let log = self.session.log();
-        let drives = (status.drive, status.fingers);
-        if core::mem::replace(&mut last.drives, drives) != drives {
-            let fingers = status.fingers.map(|state| state as u8);
-            log.push(state.t_us, Event::Drives { hand: status.drive as u8, fingers });
+    // A function of its own, as every large step of a period: all of them in one run out of registers.
+    #[inline(never)]
+    pub(super) fn record(&mut self, t_us: u32, found: &Found) {
+        let fault = first_fault(&self.supervisor);
+        let (drive, fingers, bus) =
+            (self.supervisor.hand(), self.supervisor.fingers(), self.supervisor.tier());
+        let (state, last, log) = (&mut self.state, &mut self.last, self.session.log());
+        if core::mem::replace(&mut last.drives, (drive, fingers)) != (drive, fingers) {
+            log.push(t_us, Event::Drives { hand: drive as u8, fingers: fingers.map(|state| state as u8) });
         }
-        if core::mem::replace(&mut last.tier, status.bus) != status.bus {
-            log.push(state.t_us, Event::Bus { tier: status.bus as u8 });
+        if core::mem::replace(&mut last.tier, bus) != bus {
+            log.push(t_us, Event::Bus { tier: bus as u8 });
         }
         if found.reset {
             self.recorder.resume();
         }
         if let Some(fault) = found.new_fault {
-            log.push(state.t_us, Event::Fault(fault));
+            log.push(t_us, Event::Fault(fault));
             self.recorder.freeze();
         }
-        let mut record = Record {
-            t_us: state.t_us,
-            drive: status.drive,
-            fingers: status.fingers,
-            bus: status.bus,
-            fault: status.fault,
-            position: state.position,
-            torque: state.torque,
-            ..Record::default()
-        };
         for i in 0..JOINT_COUNT {
-            update(&mut record.target[i], AngleQ::from_rad(last.excitation.target_rad[i]));
-            update(&mut record.output[i], TorqueQ::from_nm(last.excitation.output_nm[i]));
+            update(&mut state.position[i], AngleQ::from_rad(last.sensors.position_rad[i]));
+            update(&mut state.torque[i], TorqueQ::from_nm(last.sensors.joint_torque_nm[i]));
         }
-        self.recorder.record(&record);
+        self.recorder.record(|record| {
+            (record.t_us, record.drive, record.fingers, record.bus, record.fault) =
+                (t_us, drive, fingers, bus, fault);
+            for i in 0..JOINT_COUNT {
+                // Targets and outputs are numbers.
+                record.target[i] = AngleQ::from_rad(last.excitation.target_rad[i]).unwrap_or_default();
+                record.output[i] = TorqueQ::from_nm(last.excitation.output_nm[i]).unwrap_or_default();
+            }
+            (record.position, record.torque) = (state.position, state.torque);
+        });
     }
+}
+
+fn first_fault(supervisor: &Supervisor) -> Code {
+    supervisor.first_fault().map_or(Code::NONE, |first| first.code)
 }
 
 fn update<T>(place: &mut T, value: Option<T>) {

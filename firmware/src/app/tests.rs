@@ -4,7 +4,7 @@ use std::vec;
 use std::vec::Vec;
 
 use proptest::prelude::*;
-use protocol::command::ControlWord;
+use protocol::command::{ControlWord, Setpoint};
 use protocol::frame::{FRAME_MAX, Framer};
 
 use super::*;

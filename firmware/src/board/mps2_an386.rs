@@ -185,7 +185,8 @@ impl StackPaint {
     #[must_use]
     pub fn used_bytes(&self) -> usize {
         // SAFETY: words that were filled, read as what they are.
-        let untouched = (0..self.words).take_while(|&i| unsafe { self.low.add(i).read_volatile() } == Self::PAINT);
+        let untouched =
+            (0..self.words).take_while(|&i| unsafe { self.low.add(i).read_volatile() } == Self::PAINT);
         (self.words - untouched.count()) * size_of::<u32>() + Self::MARGIN
     }
 }

@@ -39,6 +39,9 @@ pub struct TipTorque {
 
 /// Torques that pull the tip from where it is (`measured`) to where it should be (`desired`).
 ///
+/// The damper acts on the error of the joints' speeds as the tip feels it where it is, so it takes energy out whatever the
+/// offset.
+///
 /// In a stretched finger the Jacobian has no column along the finger, so there the spring cannot act in that direction.
 #[must_use]
 pub fn tip_torque(
@@ -50,17 +53,16 @@ pub fn tip_torque(
     let here = FingerTrig::new(&FingerAngles::from_array(&measured.angle_rad), sin_cos);
     let there = FingerTrig::new(&FingerAngles::from_array(&desired.angle_rad), sin_cos);
     let jacobian = tip_jacobian(geometry, &here);
-    let speed = jacobian * Vector3::from(measured.speed_rad_per_s);
-    let desired_speed = tip_jacobian(geometry, &there) * Vector3::from(desired.speed_rad_per_s);
+    let lag = Vector3::from(desired.speed_rad_per_s) - Vector3::from(measured.speed_rad_per_s);
+    let damper = (jacobian * lag).component_mul(&Vector3::from(impedance.damping_n_s_per_m));
 
     let offset = tip(geometry, &there) - tip(geometry, &here);
     let mut spring = offset.component_mul(&Vector3::from(impedance.stiffness_n_per_m));
-    let force = spring.norm();
-    let force_limited = force > impedance.force_max_n;
+    let force_max_n = impedance.force_max_n;
+    let force_limited = spring.norm_squared() > force_max_n * force_max_n;
     if force_limited {
-        spring *= impedance.force_max_n / force;
+        spring *= force_max_n / spring.norm();
     }
-    let damper = (desired_speed - speed).component_mul(&Vector3::from(impedance.damping_n_s_per_m));
     TipTorque { torque_nm: (jacobian.transpose() * (spring + damper)).into(), force_limited }
 }
 

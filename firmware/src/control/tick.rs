@@ -1,7 +1,7 @@
 //! One control period of the whole hand.
 
 use hand_model::{FingerGeometry, HandLimits, HandModel};
-use protocol::ids::{FINGER_COUNT, FingerId, FingerJoint, JOINT_COUNT, JOINTS_PER_FINGER, JointId};
+use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JOINTS_PER_FINGER, JointId};
 
 use super::friction::{FrictionModel, compensation_nm};
 use super::impedance::{FingerMotion, TipImpedance, tip_torque};
@@ -166,6 +166,8 @@ pub struct Torques {
 
 /// One control period of `dt_s`.
 #[must_use]
+// A function of its own, as every large step of a period: all of them in one run out of registers.
+#[inline(never)]
 pub fn step(config: &Config, state: &mut State, sensors: &Sensors, target: &Target, dt_s: f32) -> Torques {
     let mut torques = Torques { nm: [0.0; JOINT_COUNT], limits: [Limit::None; JOINT_COUNT] };
     torques.limits[JointId::THUMB_ROTATION.index()] = Limit::Braked;
@@ -205,7 +207,7 @@ impl Measured {
         let (fast, slow) = (share(config.velocity_filter_rad_per_s), share(config.torque_filter_rad_per_s));
         for joint in 0..JOINT_COUNT {
             let (position_rad, torque_nm) = (sensors.position_rad[joint], sensors.joint_torque_nm[joint]);
-            let is_good = position_rad.is_finite() && torque_nm.is_finite();
+            let is_good = all_finite(&[position_rad, torque_nm]);
             if is_good && self.good[joint] {
                 let speed = (position_rad - self.position_rad[joint]) / dt_s;
                 self.velocity_rad_per_s[joint] += fast * (speed - self.velocity_rad_per_s[joint]);
@@ -225,7 +227,12 @@ impl State {
             && all_finite(&target.velocity_rad_per_s)
             && all_finite(&target.feed_forward_nm);
         if good {
-            (self.target, self.has_target) = (*target, true);
+            // Array by array: what is longer becomes a call, at four instructions a word.
+            self.target.position_rad = target.position_rad;
+            self.target.velocity_rad_per_s = target.velocity_rad_per_s;
+            self.target.feed_forward_nm = target.feed_forward_nm;
+            self.target.thumb_mode = target.thumb_mode;
+            self.has_target = true;
         } else if self.has_target {
             // A speed that nobody renews must not go on.
             self.target.velocity_rad_per_s = [0.0; JOINT_COUNT];
@@ -253,8 +260,8 @@ fn finger_torques(
         speed_rad_per_s: pick(&target.velocity_rad_per_s),
     };
     let mut limits = [Limit::None; JOINTS_PER_FINGER];
-    for (k, joint) in FingerJoint::ALL.into_iter().enumerate() {
-        let range = config.limits.range(JointId::of(finger, joint));
+    let ranges = [&config.limits.abduction, &config.limits.flexion, &config.limits.middle];
+    for (k, range) in ranges.into_iter().enumerate() {
         if !range.contains(should.angle_rad[k]) {
             should.angle_rad[k] = range.clamp(should.angle_rad[k]);
             limits[k] = Limit::Position;

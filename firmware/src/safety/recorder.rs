@@ -26,12 +26,12 @@ impl<const N: usize> Ring<N> {
         Self { records: [Record::default(); N], next: 0, len: 0 }
     }
 
-    fn push(&mut self, record: &Record) {
-        if let Some(place) = self.records.get_mut(self.next) {
-            *place = *record;
-        }
-        self.next = (self.next + 1) % N;
+    /// The place of the next record, over the oldest one if there is no other.
+    fn next(&mut self) -> Option<&mut Record> {
+        let next = self.next;
+        self.next = if next + 1 < N { next + 1 } else { 0 };
         self.len = (self.len + 1).min(N);
+        self.records.get_mut(next)
     }
 
     /// Oldest first.
@@ -57,18 +57,21 @@ impl Default for Recorder {
 }
 
 impl Recorder {
-    /// Records a period, unless frozen.
-    pub fn record(&mut self, record: &Record) {
+    /// Records a period, unless frozen; `write` fills every field of a record in its place, which holds an old one.
+    pub fn record(&mut self, write: impl FnOnce(&mut Record)) {
         match &mut self.left {
             Some(0) => return,
             Some(left) => *left -= 1,
             None => {}
         }
-        self.full.push(record);
+        let Some(record) = self.full.next() else { return };
+        write(record);
         match self.until_decimated.checked_sub(1) {
             Some(left) => self.until_decimated = left,
             None => {
-                self.decimated.push(record);
+                if let Some(place) = self.decimated.next() {
+                    *place = *record;
+                }
                 self.until_decimated = DECIMATION - 1;
             }
         }
@@ -120,7 +123,7 @@ mod tests {
         let mut recorder = Recorder::default();
         assert_eq!((recorder.len(), recorder.get(0)), ((0, 0), None));
         for t_us in 0..20_000 {
-            recorder.record(&at(t_us));
+            recorder.record(|record| *record = at(t_us));
         }
         let times: Vec<u32> = (0..).map_while(|i| recorder.get(i)).map(|record| record.t_us).collect();
         let full = 19_900..20_000;
@@ -136,12 +139,12 @@ mod tests {
             if t_us == 500 || t_us == 510 {
                 recorder.freeze();
             }
-            recorder.record(&at(t_us));
+            recorder.record(|record| *record = at(t_us));
         }
         assert!(recorder.is_frozen());
         assert_eq!(recorder.get(99).map(|record| record.t_us), Some(519));
         recorder.resume();
-        recorder.record(&at(2000));
+        recorder.record(|record| *record = at(2000));
         assert_eq!(recorder.get(99).map(|record| record.t_us), Some(2000));
     }
 }

@@ -6,27 +6,24 @@
 //! moved far and the strain gauge feels nothing in the way; a strain gauge, when its drive's torque has changed.
 //! To stand still is to give the same bits; a fingertip that rests on an object does that too, and is left alone.
 
-use hand_model::{HandLimits, HandModel};
+use hand_model::HandModel;
 use protocol::fault::Fault;
-use protocol::ids::{FINGER_COUNT, FingerId, FingerJoint, JOINT_COUNT, JointId};
+use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 
 use crate::control::Sensors;
+use crate::control::limits::all_finite;
 
 /// What is plausible.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Config {
-    /// The mechanism's range.
-    pub limits: HandLimits<f32>,
-    /// How far beyond it an angle may read.
-    pub margin_rad: f32,
+    /// Least and largest angle that a sensor may read: a margin beyond the mechanism's range.
+    pub range_rad: [[f32; 2]; JOINT_COUNT],
     /// Fastest a joint can turn.
     pub speed_max_rad_per_s: f32,
     /// How far an angle may jump at once by noise.
     pub jump_max_rad: f32,
-    /// Most torque on abduction, flexion, middle.
-    pub torque_max_nm: [f32; 3],
-    /// Most torque on the thumb's rotation.
-    pub rotation_torque_max_nm: f32,
+    /// Most torque.
+    pub torque_max_nm: [f32; JOINT_COUNT],
     /// Largest component of force on a fingertip.
     pub force_max_n: f32,
     /// Largest component of moment on a fingertip.
@@ -47,13 +44,18 @@ impl Config {
     /// For a hand of this model.
     #[must_use]
     pub fn new(model: &HandModel<f32>) -> Self {
+        const MARGIN_RAD: f32 = 0.1;
+        let range = |joint| model.hard_limits.range(joint);
+        let torque_max_nm = |joint: JointId| match joint.finger_joint() {
+            None => model.thumb_rotation.holding_torque_nm,
+            Some((_, which)) => model.drive.torque_max_nm[which.index()],
+        };
         Self {
-            limits: model.hard_limits,
-            margin_rad: 0.1,
+            range_rad: JointId::ALL
+                .map(|joint| [range(joint).lower_rad - MARGIN_RAD, range(joint).upper_rad + MARGIN_RAD]),
             speed_max_rad_per_s: 4.0 * model.drive.speed_max_rad_per_s,
             jump_max_rad: 0.02,
-            torque_max_nm: model.drive.torque_max_nm.map(|torque_nm| 2.0 * torque_nm),
-            rotation_torque_max_nm: 2.0 * model.thumb_rotation.holding_torque_nm,
+            torque_max_nm: JointId::ALL.map(|joint| 2.0 * torque_max_nm(joint)),
             force_max_n: 3.0 * model.drive.tip_force_max_n,
             moment_max_nm: 0.5,
             strikes: 3,
@@ -79,49 +81,58 @@ pub struct Excitation {
 /// A reading and what should have moved it while it stood still.
 #[derive(Debug, Clone, Copy, PartialEq)]
 struct Still {
-    reading: f32,
+    /// Bits of the last reading; those of no number before the first.
+    bits: u32,
+    /// How long it has been the same.
     us: u32,
+    /// Least and most of the cause in that time.
     low: f32,
     high: f32,
 }
 
-impl Still {
-    /// How far the cause has moved while the reading stood still, once that is `stuck_us`.
-    fn step(
-        memory: &mut Option<Self>,
-        reading: f32,
-        cause: f32,
-        elapsed_us: u32,
-        stuck_us: u32,
-    ) -> Option<f32> {
-        match memory {
-            Some(still) if still.reading.to_bits() == reading.to_bits() => {
-                still.us = still.us.saturating_add(elapsed_us);
-                // Comparisons, for `min` and `max` are calls on the target.
-                if cause < still.low {
-                    still.low = cause;
-                } else if cause > still.high {
-                    still.high = cause;
-                }
-                (still.us >= stuck_us).then_some(still.high - still.low)
-            }
-            _ => {
-                *memory = Some(Self { reading, us: 0, low: cause, high: cause });
-                None
-            }
-        }
+impl Default for Still {
+    fn default() -> Self {
+        Self { bits: f32::NAN.to_bits(), us: 0, low: 0.0, high: 0.0 }
     }
 }
 
+impl Still {
+    /// One period.
+    fn step(&mut self, reading: f32, cause: f32, elapsed_us: u32) {
+        let bits = reading.to_bits();
+        if bits != self.bits {
+            *self = Self { bits, us: 0, low: cause, high: cause };
+            return;
+        }
+        self.us = self.us.saturating_add(elapsed_us);
+        // Comparisons, for `min` and `max` are calls on the target.
+        if cause < self.low {
+            self.low = cause;
+        } else if cause > self.high {
+            self.high = cause;
+        }
+    }
+
+    /// Whether the reading has stood still for so long while its cause moved by more than this.
+    fn is_stuck(&self, stuck_us: u32, most: f32) -> bool {
+        self.us >= stuck_us && self.high - self.low > most
+    }
+}
+
+/// Memory of one joint.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 struct Joint {
-    /// The last angle that was believed, and how long ago.
-    good: Option<(f32, u32)>,
+    /// The last angle that was believed, and how long ago that was; nothing before the first.
+    good_rad: f32,
+    age_us: u32,
+    has_good: bool,
+    /// Whether there is a good angle and none of the strikes below counts.
+    is_trusted: bool,
     jumps: u8,
     out_of_range: u8,
     too_much_torque: u8,
-    position: Option<Still>,
-    torque: Option<Still>,
+    position: Still,
+    torque: Still,
     /// Most that the strain gauge felt since the angle began to stand still.
     felt_nm: f32,
 }
@@ -139,9 +150,18 @@ fn strike(count: &mut u8, bad: bool, strikes: u8) -> bool {
     *count >= strikes
 }
 
+/// Whether all numbers are within `+-most`; no number is not.
+fn all_within(numbers: &[f32], most: f32) -> bool {
+    numbers.iter().all(|number| number.abs() <= most)
+}
+
 impl Plausibility {
     /// Judges the sensors of a period that began `elapsed_us` after the one before, and replaces angles that jumped by the
     /// last good ones. Returns a fault of each finger's; the thumb's rotation counts as the thumb's.
+    ///
+    /// What is in order, as nearly always, is seen by a few comparisons, which are written so that no number fails them.
+    // A function of its own, as every large step of a period: all of them in one run out of registers.
+    #[inline(never)]
     pub fn step(
         &mut self,
         config: &Config,
@@ -150,104 +170,135 @@ impl Plausibility {
         elapsed_us: u32,
     ) -> [Option<Fault>; FINGER_COUNT] {
         let mut faults = [None; FINGER_COUNT];
-        for (joint, memory) in JointId::ALL.into_iter().zip(&mut self.joints) {
-            let (angle_rad, fault) = memory.step(config, joint, sensors, excitation, elapsed_us);
-            sensors.position_rad[joint.index()] = angle_rad;
-            let first = &mut faults[joint.moves().index()];
-            *first = first.or(fault);
+        let reach_rad = config.reach_rad(elapsed_us);
+        for (finger, fault) in FingerId::ALL.into_iter().zip(&mut faults) {
+            let is_active = excitation.active[finger.index()];
+            for i in finger.joints() {
+                let memory = &mut self.joints[i];
+                let (read_rad, torque_nm) = (sensors.position_rad[i], sensors.joint_torque_nm[i]);
+                let [lower_rad, upper_rad] = config.range_rad[i];
+                let in_order = read_rad >= lower_rad
+                    && read_rad <= upper_rad
+                    && torque_nm.abs() <= config.torque_max_nm[i]
+                    && (read_rad - memory.good_rad).abs() <= reach_rad
+                    && memory.is_trusted;
+                let mut found = None;
+                if in_order {
+                    memory.good_rad = read_rad;
+                } else {
+                    (sensors.position_rad[i], found) =
+                        memory.examine(config, i, read_rad, torque_nm, elapsed_us);
+                }
+                // The thumb's rotation is braked: nothing moves it.
+                if i != JointId::THUMB_ROTATION.index() && found != Some(Fault::SensorNotANumber) {
+                    let cause = is_active.then(|| (excitation.target_rad[i], excitation.output_nm[i]));
+                    found = found.or(memory.stands_still(config, read_rad, torque_nm, cause, elapsed_us));
+                }
+                if found.is_some() {
+                    *fault = fault.or(found);
+                }
+            }
         }
-        for (finger, count) in FingerId::ALL.into_iter().zip(&mut self.wrenches) {
-            let [force @ .., mx, my, mz] = sensors.tip_wrench[finger.index()];
-            let beyond = |parts: [f32; 3], most: f32| parts.iter().any(|part| part.abs() > most);
-            let bad = beyond(force, config.force_max_n) || beyond([mx, my, mz], config.moment_max_nm);
-            let number = force.iter().chain(&[mx, my, mz]).all(|part| part.is_finite());
-            let fault = if !number {
+        for ((fault, count), wrench) in faults.iter_mut().zip(&mut self.wrenches).zip(&sensors.tip_wrench) {
+            let (force, moment) = wrench.split_at(3);
+            let within = all_within(force, config.force_max_n) && all_within(moment, config.moment_max_nm);
+            if within && *count == 0 {
+                continue;
+            }
+            let found = if !all_finite(wrench) {
                 Some(Fault::SensorNotANumber)
             } else {
-                strike(count, bad, config.strikes).then_some(Fault::WrenchRange)
+                strike(count, !within, config.strikes).then_some(Fault::WrenchRange)
             };
-            let first = &mut faults[finger.index()];
-            *first = first.or(fault);
+            *fault = fault.or(found);
         }
         faults
     }
 }
 
+impl Config {
+    /// How far an angle can have turned, as its sensor sees it.
+    fn reach_rad(&self, age_us: u32) -> f32 {
+        self.jump_max_rad + self.speed_max_rad_per_s * (age_us as f32 * 1e-6)
+    }
+}
+
 impl Joint {
-    /// The angle to believe, and a fault.
-    fn step(
+    /// The angle to believe, and a fault: a closer look than that of [`Plausibility::step`].
+    #[cold]
+    fn examine(
         &mut self,
         config: &Config,
-        joint: JointId,
-        sensors: &Sensors,
-        excitation: &Excitation,
+        i: usize,
+        read_rad: f32,
+        torque_nm: f32,
         elapsed_us: u32,
     ) -> (f32, Option<Fault>) {
-        let i = joint.index();
-        let (read_rad, torque_nm) = (sensors.position_rad[i], sensors.joint_torque_nm[i]);
         if !(read_rad.is_finite() && torque_nm.is_finite()) {
             return (read_rad, Some(Fault::SensorNotANumber));
         }
         let (angle_rad, mut fault) = self.believe(config, read_rad, elapsed_us);
-
-        let range = config.limits.range(joint);
-        let outside =
-            read_rad < range.lower_rad - config.margin_rad || read_rad > range.upper_rad + config.margin_rad;
+        let [lower_rad, upper_rad] = config.range_rad[i];
+        let outside = read_rad < lower_rad || read_rad > upper_rad;
         if strike(&mut self.out_of_range, outside, config.strikes) {
             fault = Some(Fault::PositionRange);
         }
-        let most_nm = joint.finger_joint().map_or(config.rotation_torque_max_nm, |(_, which)| match which {
-            FingerJoint::Abduction => config.torque_max_nm[0],
-            FingerJoint::Flexion => config.torque_max_nm[1],
-            FingerJoint::Middle => config.torque_max_nm[2],
-        });
-        if strike(&mut self.too_much_torque, torque_nm.abs() > most_nm, config.strikes) {
+        let too_much = torque_nm.abs() > config.torque_max_nm[i];
+        if strike(&mut self.too_much_torque, too_much, config.strikes) {
             fault = fault.or(Some(Fault::TorqueRange));
         }
-
-        // The thumb's rotation is braked: nothing moves it.
-        let Some((finger, _)) = joint.finger_joint() else { return (angle_rad, fault) };
-        if !excitation.active[finger.index()] {
-            (self.position, self.torque) = (None, None);
-            return (angle_rad, fault);
-        }
-        let (target_rad, output_nm) = (excitation.target_rad[i], excitation.output_nm[i]);
-        let target_moved = Still::step(&mut self.position, read_rad, target_rad, elapsed_us, config.stuck_us);
-        if self.position.is_none_or(|still| still.us == 0) {
-            self.felt_nm = 0.0;
-        } else if torque_nm.abs() > self.felt_nm {
-            self.felt_nm = torque_nm.abs();
-        }
-        if target_moved.is_some_and(|moved| moved > config.stuck_target_rad)
-            && self.felt_nm < config.contact_torque_nm
-        {
-            fault = fault.or(Some(Fault::PositionStuck));
-        }
-        let output_changed = Still::step(&mut self.torque, torque_nm, output_nm, elapsed_us, config.stuck_us);
-        if output_changed.is_some_and(|changed| changed > config.stuck_output_nm) {
-            fault = fault.or(Some(Fault::TorqueStuck));
-        }
+        self.is_trusted = [self.jumps, self.out_of_range, self.too_much_torque] == [0; 3];
         (angle_rad, fault)
     }
 
     /// The angle if the joint can have got there since the last good one, else that.
     fn believe(&mut self, config: &Config, read_rad: f32, elapsed_us: u32) -> (f32, Option<Fault>) {
-        if let Some((good_rad, age_us)) = &mut self.good {
-            *age_us = age_us.saturating_add(elapsed_us);
-            let reach_rad = config.jump_max_rad + config.speed_max_rad_per_s * (*age_us as f32 * 1e-6);
-            let jumped = (read_rad - *good_rad).abs() > reach_rad;
+        if self.has_good {
+            let age_us = self.age_us.saturating_add(elapsed_us);
+            let jumped = (read_rad - self.good_rad).abs() > config.reach_rad(age_us);
             if strike(&mut self.jumps, jumped, config.strikes) {
                 // Where the angle is now it may stay, once the fault is reset.
-                self.jumps = 0;
-                self.good = Some((read_rad, 0));
+                (self.jumps, self.good_rad, self.age_us) = (0, read_rad, 0);
                 return (read_rad, Some(Fault::PositionRate));
             }
             if jumped {
-                return (*good_rad, None);
+                self.age_us = age_us;
+                return (self.good_rad, None);
             }
         }
-        self.good = Some((read_rad, 0));
+        (self.good_rad, self.age_us, self.has_good) = (read_rad, 0, true);
         (read_rad, None)
+    }
+
+    /// A fault of a reading that stands still where target and torque of the drive, if it has any, should have moved it.
+    fn stands_still(
+        &mut self,
+        config: &Config,
+        read_rad: f32,
+        torque_nm: f32,
+        cause: Option<(f32, f32)>,
+        elapsed_us: u32,
+    ) -> Option<Fault> {
+        let Some((target_rad, output_nm)) = cause else {
+            (self.position, self.torque) = (Still::default(), Still::default());
+            return None;
+        };
+        self.position.step(read_rad, target_rad, elapsed_us);
+        self.torque.step(torque_nm, output_nm, elapsed_us);
+        if self.position.us == 0 {
+            self.felt_nm = 0.0;
+        } else if torque_nm.abs() > self.felt_nm {
+            self.felt_nm = torque_nm.abs();
+        }
+        if self.position.is_stuck(config.stuck_us, config.stuck_target_rad)
+            && self.felt_nm < config.contact_torque_nm
+        {
+            Some(Fault::PositionStuck)
+        } else if self.torque.is_stuck(config.stuck_us, config.stuck_output_nm) {
+            Some(Fault::TorqueStuck)
+        } else {
+            None
+        }
     }
 }
 

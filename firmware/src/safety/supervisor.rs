@@ -11,6 +11,7 @@ use super::drive::{Alarm, Drive, Input};
 use super::sensors::{self, Excitation, Plausibility};
 use super::watch::{CheckIns, Overruns, Part};
 use crate::control::Sensors;
+use crate::control::limits::all_finite;
 
 /// A part that has not checked in for so long is dead.
 const SILENT_US: u32 = 50_000;
@@ -88,6 +89,8 @@ pub struct Supervisor {
 
 impl Supervisor {
     /// One period. Of `sensors` it leaves those to control by.
+    // A function of its own, as every large step of a period: all of them in one run out of registers.
+    #[inline(never)]
     pub fn step(&mut self, config: &Config, cycle: &Cycle<'_>, sensors: &mut Sensors) -> Found {
         let verdict = self.bus.step(&config.bus, &cycle.heard, cycle.elapsed_us);
         self.tier = verdict.tier;
@@ -172,7 +175,7 @@ impl Supervisor {
     /// Lets torques through if all are numbers, else none of them; that is a fault of the next period.
     #[must_use]
     pub fn gate(&mut self, torques_nm: [f32; JOINT_COUNT]) -> [f32; JOINT_COUNT] {
-        if torques_nm.iter().all(|torque| torque.is_finite()) {
+        if all_finite(&torques_nm) {
             torques_nm
         } else {
             self.bad_output = true;

@@ -21,101 +21,104 @@ pub struct Config {
 /// A target on its way to the last set-point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follower {
-    position_rad: [f32; JOINT_COUNT],
-    feed_forward_nm: [f32; JOINT_COUNT],
+    target: Target,
+    limited: JointSet,
     goal_rad: [f32; JOINT_COUNT],
     goal_nm: [f32; JOINT_COUNT],
     /// Time left to get there.
     left_s: f32,
 }
 
-/// The target of one period.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Followed {
-    /// Angles, speeds and torques for the control laws.
-    pub target: Target,
-    /// Joints whose target is held back.
-    pub limited: JointSet,
-}
-
-/// `x` within `+-most`. Unlike `clamp` it cannot panic, whatever `most` is; and `min` and `max`, which think of NaN, are
-/// calls of twenty instructions each.
-fn within(x: f32, most: f32) -> f32 {
-    if x > most {
-        most
-    } else if x < -most {
-        -most
-    } else {
-        x
-    }
+/// The end of `+-most` that `x` lies beyond; `None` if it lies within. Unlike `clamp` it cannot panic, whatever `most` is; and
+/// `min` and `max`, which think of NaN, are calls of twenty instructions each.
+fn end_beyond(x: f32, most: f32) -> Option<f32> {
+    if x.abs() <= most { None } else { Some(if x > most { most } else { -most }) }
 }
 
 impl Follower {
     /// At rest at these angles.
     #[must_use]
     pub fn new(position_rad: [f32; JOINT_COUNT]) -> Self {
-        let zero = [0.0; JOINT_COUNT];
-        Self { position_rad, feed_forward_nm: zero, goal_rad: position_rad, goal_nm: zero, left_s: 0.0 }
+        Self {
+            target: Target::hold(position_rad, ThumbMode::Position),
+            limited: JointSet::default(),
+            goal_rad: position_rad,
+            goal_nm: [0.0; JOINT_COUNT],
+            left_s: 0.0,
+        }
     }
 
     /// Begins anew where the joints of a finger are, without torque.
     pub fn restart(&mut self, finger: FingerId, measured_rad: &[f32; JOINT_COUNT]) {
-        for joint in JointId::ALL {
-            if joint.moves() == finger {
-                let i = joint.index();
-                self.position_rad[i] = measured_rad[i];
-                self.feed_forward_nm[i] = 0.0;
-            }
+        for i in finger.joints() {
+            self.target.position_rad[i] = measured_rad[i];
+            self.target.feed_forward_nm[i] = 0.0;
         }
     }
 
     /// A new set-point, to be reached in `within_s`.
-    pub fn head_for(&mut self, goal_rad: [f32; JOINT_COUNT], goal_nm: [f32; JOINT_COUNT], within_s: f32) {
+    pub fn head_for(
+        &mut self,
+        goal_rad: [f32; JOINT_COUNT],
+        goal_nm: [f32; JOINT_COUNT],
+        thumb_mode: ThumbMode,
+        within_s: f32,
+    ) {
         (self.goal_rad, self.goal_nm, self.left_s) = (goal_rad, goal_nm, within_s);
+        self.target.thumb_mode = thumb_mode;
     }
 
     /// Stay here: no set-point is to be reached any more. Torques stay, for they may carry what is held.
     pub fn stay(&mut self) {
-        (self.goal_rad, self.goal_nm) = (self.position_rad, self.feed_forward_nm);
+        (self.goal_rad, self.goal_nm) = (self.target.position_rad, self.target.feed_forward_nm);
     }
 
-    /// The target `dt_s` later; `dt_s` is more than 0. Fingers not `active` do not move.
-    pub fn step(
-        &mut self,
-        config: &Config,
-        active: [bool; FINGER_COUNT],
-        thumb_mode: ThumbMode,
-        dt_s: f32,
-    ) -> Followed {
-        let mut limited = JointSet::default();
-        let mut velocity_rad_per_s = [0.0; JOINT_COUNT];
-        let time_s = self.left_s.max(dt_s);
+    /// One period of `dt_s`, which is more than 0. Fingers not `active` do not move.
+    // A function of its own, as every large step of a period: all of them in one run out of registers.
+    #[inline(never)]
+    pub fn step(&mut self, config: &Config, active: [bool; FINGER_COUNT], dt_s: f32) {
+        let time_s = if self.left_s > dt_s { self.left_s } else { dt_s };
+        // One division for all joints.
+        let (per_s, arrives) = (1.0 / time_s, time_s <= dt_s);
         let torque_step_nm = config.torque_rate_max_nm_per_s * dt_s;
-        for joint in JointId::ALL {
-            if !active[joint.moves().index()] {
+        let target = &mut self.target;
+        self.limited = JointSet::default();
+        for finger in FingerId::ALL {
+            if !active[finger.index()] {
+                target.velocity_rad_per_s[finger.joints()].fill(0.0);
                 continue;
             }
-            let i = joint.index();
-            let asked = (self.goal_rad[i] - self.position_rad[i]) / time_s;
-            let speed = within(asked, config.speed_max_rad_per_s);
-            if speed != asked {
-                limited = limited.with(joint);
+            for i in finger.joints() {
+                let (goal_rad, position_rad) = (self.goal_rad[i], target.position_rad[i]);
+                let asked = (goal_rad - position_rad) * per_s;
+                let speed = end_beyond(asked, config.speed_max_rad_per_s);
+                target.velocity_rad_per_s[i] = speed.unwrap_or(asked);
+                target.position_rad[i] = match speed {
+                    Some(speed) => position_rad + speed * dt_s,
+                    // Exactly there at the end, whatever rounding did on the way.
+                    None if arrives => goal_rad,
+                    None => position_rad + asked * dt_s,
+                };
+                if speed.is_some() {
+                    self.limited = self.limited.with(JointId::ALL[i]);
+                }
+                let left_nm = self.goal_nm[i] - target.feed_forward_nm[i];
+                target.feed_forward_nm[i] += end_beyond(left_nm, torque_step_nm).unwrap_or(left_nm);
             }
-            velocity_rad_per_s[i] = speed;
-            // Exactly there at the end, whatever rounding did on the way.
-            let arrives = time_s <= dt_s && speed == asked;
-            self.position_rad[i] =
-                if arrives { self.goal_rad[i] } else { self.position_rad[i] + speed * dt_s };
-            self.feed_forward_nm[i] += within(self.goal_nm[i] - self.feed_forward_nm[i], torque_step_nm);
         }
-        self.left_s = (self.left_s - dt_s).max(0.0);
-        let target = Target {
-            position_rad: self.position_rad,
-            velocity_rad_per_s,
-            feed_forward_nm: self.feed_forward_nm,
-            thumb_mode,
-        };
-        Followed { target, limited }
+        self.left_s = if self.left_s > dt_s { self.left_s - dt_s } else { 0.0 };
+    }
+
+    /// The target of this period.
+    #[must_use]
+    pub const fn target(&self) -> &Target {
+        &self.target
+    }
+
+    /// Joints whose target is held back in this period.
+    #[must_use]
+    pub const fn limited(&self) -> JointSet {
+        self.limited
     }
 }
 
@@ -127,52 +130,57 @@ mod tests {
     const ALL: [bool; FINGER_COUNT] = [true; FINGER_COUNT];
     const DT_S: f32 = 125e-6;
 
+    fn step(follower: &mut Follower, active: [bool; FINGER_COUNT]) -> Target {
+        follower.step(&CONFIG, active, DT_S);
+        *follower.target()
+    }
+
     #[test]
     fn a_set_point_is_reached_evenly_in_its_time() {
         let mut follower = Follower::new([0.5; JOINT_COUNT]);
-        follower.head_for([0.502; JOINT_COUNT], [0.0; JOINT_COUNT], 1e-3);
+        follower.head_for([0.502; JOINT_COUNT], [0.0; JOINT_COUNT], ThumbMode::Position, 1e-3);
         for period in 1..=8 {
-            let target = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
-            assert!((target.target.velocity_rad_per_s[3] - 2.0).abs() < 1e-2, "{target:?}");
-            assert!((target.target.position_rad[3] - (0.5 + 0.00025 * period as f32)).abs() < 1e-6);
-            assert_eq!(target.limited, JointSet::default());
+            let target = step(&mut follower, ALL);
+            assert!((target.velocity_rad_per_s[3] - 2.0).abs() < 1e-2, "{target:?}");
+            assert!((target.position_rad[3] - (0.5 + 0.00025 * period as f32)).abs() < 1e-6);
+            assert_eq!(follower.limited(), JointSet::default());
         }
-        let there = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
-        assert_eq!((there.target.position_rad[3], there.target.velocity_rad_per_s[3]), (0.502, 0.0));
+        let there = step(&mut follower, ALL);
+        assert_eq!((there.position_rad[3], there.velocity_rad_per_s[3]), (0.502, 0.0));
     }
 
     #[test]
     fn no_command_makes_a_step() {
         let mut follower = Follower::new([0.5; JOINT_COUNT]);
-        follower.head_for([2.0; JOINT_COUNT], [-4.0; JOINT_COUNT], DT_S);
-        let mut before = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
-        assert!(before.limited.contains(JointId::ALL[4]));
+        follower.head_for([2.0; JOINT_COUNT], [-4.0; JOINT_COUNT], ThumbMode::Position, DT_S);
+        let mut before = step(&mut follower, ALL);
+        assert!(follower.limited().contains(JointId::ALL[4]));
         for _ in 0..8000 {
-            let now = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
+            let now = step(&mut follower, ALL);
             for i in 0..JOINT_COUNT {
-                assert!((now.target.position_rad[i] - before.target.position_rad[i]).abs() <= 3.0 * DT_S * 1.001);
-                assert!((now.target.feed_forward_nm[i] - before.target.feed_forward_nm[i]).abs() <= 50.0 * DT_S * 1.001);
+                assert!((now.position_rad[i] - before.position_rad[i]).abs() <= 3.0 * DT_S * 1.001);
+                assert!((now.feed_forward_nm[i] - before.feed_forward_nm[i]).abs() <= 50.0 * DT_S * 1.001);
             }
             before = now;
         }
-        assert_eq!((before.target.position_rad[4], before.target.feed_forward_nm[4]), (2.0, -4.0));
+        assert_eq!((before.position_rad[4], before.feed_forward_nm[4]), (2.0, -4.0));
     }
 
     #[test]
     fn a_finger_begins_where_it_is_and_waits_until_it_is_active() {
         let mut follower = Follower::new([0.5; JOINT_COUNT]);
-        follower.head_for([0.6; JOINT_COUNT], [0.1; JOINT_COUNT], 0.0);
+        follower.head_for([0.6; JOINT_COUNT], [0.1; JOINT_COUNT], ThumbMode::Position, 0.0);
         let active = [true, false, true, true];
         for _ in 0..1000 {
-            let _ = follower.step(&CONFIG, active, ThumbMode::Position, DT_S);
+            let _ = step(&mut follower, active);
         }
         follower.restart(FingerId::Index, &[0.55; JOINT_COUNT]);
-        let target = follower.step(&CONFIG, active, ThumbMode::Position, DT_S);
-        assert_eq!((target.target.position_rad[5], target.target.feed_forward_nm[5]), (0.55, 0.0));
-        assert_eq!((target.target.position_rad[8], target.target.feed_forward_nm[8]), (0.6, 0.1));
+        let target = step(&mut follower, active);
+        assert_eq!((target.position_rad[5], target.feed_forward_nm[5]), (0.55, 0.0));
+        assert_eq!((target.position_rad[8], target.feed_forward_nm[8]), (0.6, 0.1));
         follower.stay();
-        let target = follower.step(&CONFIG, ALL, ThumbMode::Position, DT_S);
-        assert_eq!((target.target.position_rad[5], target.target.velocity_rad_per_s[5]), (0.55, 0.0));
-        assert_eq!(target.target.feed_forward_nm[8], 0.1);
+        let target = step(&mut follower, ALL);
+        assert_eq!((target.position_rad[5], target.velocity_rad_per_s[5]), (0.55, 0.0));
+        assert_eq!(target.feed_forward_nm[8], 0.1);
     }
 }

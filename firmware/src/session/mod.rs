@@ -58,7 +58,9 @@ pub struct Session {
     deframer: Deframer,
     framer: Framer,
     outbox: Outbox,
-    setpoint: Option<Setpoint>,
+    /// The last one, and whether it has been seen.
+    setpoint: Setpoint,
+    has_setpoint: bool,
     request: Option<Request>,
     frames: u32,
     log: Log,
@@ -70,7 +72,8 @@ impl Default for Session {
             deframer: Deframer::default(),
             framer: Framer::default(),
             outbox: Outbox { bytes: [0; OUTBOX], len: 0, dropped: 0 },
-            setpoint: None,
+            setpoint: Setpoint::default(),
+            has_setpoint: false,
             request: None,
             frames: 0,
             log: Log::default(),
@@ -86,7 +89,7 @@ impl Session {
             let refusal = match kind {
                 Some(MessageKind::Setpoint) => match frame.message.try_into().map(Setpoint::decode) {
                     Ok(Ok(setpoint)) => {
-                        self.setpoint = Some(setpoint);
+                        (self.setpoint, self.has_setpoint) = (setpoint, true);
                         continue;
                     }
                     Ok(Err(_)) => Refusal::Malformed,
@@ -110,8 +113,14 @@ impl Session {
     }
 
     /// The last set-point since the last call.
-    pub fn take_setpoint(&mut self) -> Option<Setpoint> {
-        self.setpoint.take()
+    pub fn take_setpoint(&mut self) -> Option<&Setpoint> {
+        core::mem::take(&mut self.has_setpoint).then_some(&self.setpoint)
+    }
+
+    /// The last set-point there was.
+    #[must_use]
+    pub const fn last_setpoint(&self) -> &Setpoint {
+        &self.setpoint
     }
 
     /// The request that waits for its reply.

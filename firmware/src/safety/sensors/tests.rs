@@ -1,4 +1,5 @@
 use super::*;
+use protocol::ids::FingerJoint;
 
 const PERIOD_US: u32 = 1000;
 /// Flexion of the index finger.
@@ -15,7 +16,7 @@ fn sensors() -> Sensors {
         joint_torque_nm: [0.0; JOINT_COUNT],
         tip_wrench: [[0.0; 6]; FINGER_COUNT],
     };
-    sensors.position_rad[0] = config().limits.thumb_rotation.upper_rad;
+    sensors.position_rad[0] = HandModel::<f32>::hit_dlr().hard_limits.thumb_rotation.upper_rad;
     for finger in FingerId::ALL {
         sensors.position_rad[JointId::of(finger, FingerJoint::Abduction).index()] = 0.0;
     }

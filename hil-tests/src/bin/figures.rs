@@ -1,0 +1,61 @@
+//! `cargo run --release -p hil-tests --bin figures [-- --json]` prints what the firmware image costs and how its frames stand
+//! damage.
+
+use std::process::ExitCode;
+
+use hil_tests::corruption::{self, Outcome};
+use hil_tests::figures::{self, Figures};
+use hil_tests::image;
+use serde::Serialize;
+
+/// Damaged frames.
+const FRAMES: u64 = 10_000_000;
+
+/// Everything, as it is printed.
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    figures: Figures,
+    corrupted_tried: u64,
+    corrupted_accepted: u64,
+    resynchronised: u64,
+}
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let json = match arguments.as_slice() {
+        [] => false,
+        [only] if only == "--json" => true,
+        _ => {
+            eprintln!("error: usage: figures [--json]");
+            return ExitCode::from(2);
+        }
+    };
+    match report() {
+        Ok(report) => print(&report, json),
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+fn report() -> Result<Report, Box<dyn std::error::Error>> {
+    let figures = figures::measure(&image::build("mps2-an386")?)?;
+    let Outcome { tried, accepted, resynchronised } = corruption::campaign(1, FRAMES);
+    Ok(Report { figures, corrupted_tried: tried, corrupted_accepted: accepted, resynchronised })
+}
+
+fn print(report: &Report, json: bool) -> ExitCode {
+    let Ok(serde_json::Value::Object(fields)) = serde_json::to_value(report) else {
+        return ExitCode::from(2);
+    };
+    if json {
+        println!("{}", serde_json::Value::Object(fields));
+    } else {
+        for (name, number) in &fields {
+            println!("{name:<28} {number:>10}");
+        }
+    }
+    ExitCode::SUCCESS
+}

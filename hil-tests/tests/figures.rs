@@ -1,0 +1,15 @@
+//! Instruction counts repeat exactly under QEMU, so they may gate: control has 21,250 cycles at 8 kHz and 170 MHz.
+
+use hil_tests::{figures, image};
+
+#[test]
+fn control_keeps_its_budget_and_counts_repeat() {
+    let elf = image::build("mps2-an386").unwrap_or_else(|error| panic!("{error}"));
+    let measured = figures::measure(&elf).unwrap_or_else(|error| panic!("{error}"));
+    assert!(measured.tick_most_instructions < 6_000, "{measured:?}");
+    assert!(measured.thumb_instructions < 400, "{measured:?}");
+    assert!(measured.state_frame_instructions < 1_800, "{measured:?}");
+    assert!(measured.flash_bytes < 96 * 1024 && measured.ram_bytes < 48 * 1024, "{measured:?}");
+    assert!(measured.stack_bytes < 4096, "{measured:?}");
+    assert_eq!(figures::measure(&elf).unwrap_or_else(|error| panic!("{error}")), measured);
+}
