@@ -13,10 +13,9 @@ mod report;
 mod service;
 
 use hand_model::HandModel;
-use protocol::command::ThumbImpedance;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use protocol::service::Event;
-use protocol::telemetry::{BusTier, DriveState, HandState};
+use protocol::telemetry::{BusTier, DriveState, FingerSet, HandState};
 use protocol::units::{AngleQ, TorqueQ};
 
 use crate::control::{self, Sensors, ThumbMode};
@@ -75,7 +74,7 @@ pub struct Controller {
 #[derive(Debug, Clone, Copy)]
 struct Last {
     now_us: Option<u32>,
-    thumb: ThumbImpedance,
+    thumb_stiffness_n_per_m: [f32; 3],
     setpoint_us: u32,
     modes: [Mode; FINGER_COUNT],
     excitation: Excitation,
@@ -86,6 +85,7 @@ struct Last {
     limits: [control::Limit; JOINT_COUNT],
     drives: (DriveState, [DriveState; FINGER_COUNT]),
     tier: BusTier,
+    slipping: FingerSet,
 }
 
 impl Controller {
@@ -111,7 +111,7 @@ impl Controller {
             zero_nm: zero,
             last: Last {
                 now_us: None,
-                thumb: ThumbImpedance::default(),
+                thumb_stiffness_n_per_m: [0.0; 3],
                 setpoint_us: 0,
                 modes: [Mode::Off; FINGER_COUNT],
                 excitation: Excitation { target_rad: zero, output_nm: zero, active: [false; FINGER_COUNT] },
@@ -124,6 +124,7 @@ impl Controller {
                 limits: [control::Limit::None; JOINT_COUNT],
                 drives: Default::default(),
                 tier: BusTier::default(),
+                slipping: FingerSet::default(),
             },
             state: HandState::default(),
             report_is_due: false,
@@ -218,8 +219,15 @@ impl Controller {
         }
         if found.fresh {
             let setpoint = self.session.last_setpoint();
+            let most = self.settings.thumb_damping_max_n_s_per_m;
+            let damping = setpoint.thumb.damping.map(|asked| lesser(asked.to_n_s_per_m(), most));
+            self.settings.control.thumb.damping_n_s_per_m = damping;
+            self.settings.stop.thumb.damping_n_s_per_m = damping;
             let between_us = now_us.wrapping_sub(self.last.setpoint_us).min(self.settings.safety.bus.stop_us);
-            (self.last.thumb, self.last.setpoint_us) = (setpoint.thumb, now_us);
+            let most = self.settings.thumb_stiffness_max_n_per_m;
+            self.last.thumb_stiffness_n_per_m =
+                setpoint.thumb.stiffness.map(|asked| lesser(asked.to_n_per_m(), most));
+            self.last.setpoint_us = now_us;
             let thumb_mode =
                 if setpoint.control.thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
             self.follower.head_for(
@@ -239,16 +247,11 @@ impl Controller {
     fn control(&mut self, found: &Found, dt_s: f32) -> [f32; JOINT_COUNT] {
         let stops = found.modes.contains(&Mode::Stop);
         let config = if stops { &mut self.settings.stop } else { &mut self.settings.control };
-        let asked = &self.last.thumb;
-        let most = self.settings.thumb_stiffness_max_n_per_m;
-        for (now, asked) in self.thumb_stiffness_n_per_m.iter_mut().zip(asked.stiffness) {
+        for (now, goal) in self.thumb_stiffness_n_per_m.iter_mut().zip(self.last.thumb_stiffness_n_per_m) {
             let tighter = *now + self.settings.thumb_stiffness_rate_n_per_m_s * dt_s;
-            *now = least([asked.to_n_per_m(), most, tighter]);
+            *now = if goal < tighter { goal } else { tighter };
         }
         config.thumb.stiffness_n_per_m = self.thumb_stiffness_n_per_m;
-        let most = self.settings.thumb_damping_max_n_s_per_m;
-        config.thumb.damping_n_s_per_m = asked.damping.map(|asked| least([asked.to_n_s_per_m(), most, most]));
-
         let (sensors, target) = (&self.last.sensors, self.follower.target());
         let mut torques = control::step(config, &mut self.control, sensors, target, dt_s);
         for finger in FingerId::ALL {
@@ -256,19 +259,17 @@ impl Controller {
                 torques.nm[finger.joints()].fill(0.0);
             }
         }
+        if found.modes[FingerId::Thumb.index()] == Mode::Off {
+            self.control.end_boost();
+        }
         self.last.limits = torques.limits;
         self.supervisor.gate(torques.nm)
     }
 }
 
-/// The least of three numbers. `min`, which thinks of NaN, is a call of twenty instructions.
-fn least([mut least, b, c]: [f32; 3]) -> f32 {
-    for other in [b, c] {
-        if other < least {
-            least = other;
-        }
-    }
-    least
+/// The lesser number. `min`, which thinks of NaN, is a call of twenty instructions.
+fn lesser(a: f32, b: f32) -> f32 {
+    if a < b { a } else { b }
 }
 
 #[cfg(test)]

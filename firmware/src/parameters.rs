@@ -71,6 +71,12 @@ parameters! {
     BusHold: "bus.hold", "us", U32(10_000) in 1000..500_000;
     /// Time without a new set-point after which the hand stops.
     BusStop: "bus.stop", "us", U32(20_000) in 2000..1_000_000;
+    /// Friction between fingertips and objects that slip is judged by; it should be less than the true one.
+    SlipFriction: "slip.friction", "", F32(0.4) in 0.05..2.0;
+    /// How fast the thumb, when it is a spring, presses harder while a fingertip slips; 0 for no reflex.
+    SlipRate: "slip.rate", "N/s", F32(50.0) in 0.0..500.0;
+    /// Most that it presses beyond what was commanded.
+    SlipBoostMax: "slip.boost_max", "N", F32(6.0) in 0.0..10.0;
 }
 
 /// How many there are.
@@ -181,6 +187,9 @@ impl Parameters {
         control.torque_filter_rad_per_s = self.number(P::TorqueFilter);
         control.velocity_filter_rad_per_s = self.number(P::VelocityFilter);
         control.thumb.force_max_n = self.number(P::ThumbForceMax);
+        control.slip.friction = self.number(P::SlipFriction);
+        control.slip.rate_n_per_s = self.number(P::SlipRate);
+        control.slip.boost_max_n = self.number(P::SlipBoostMax);
         let mut stop = control;
         for gains in &mut stop.joint {
             gains.damping_nm_s_per_rad *= self.number(P::StopDamping);

@@ -186,6 +186,11 @@ pub enum Event {
         /// How many.
         events: u32,
     },
+    /// Other fingertips slip than before: [`FingerSet`](crate::telemetry::FingerSet) as its bits.
+    Slip {
+        /// Those that slip now.
+        fingers: u8,
+    },
 }
 
 /// An event and its time.

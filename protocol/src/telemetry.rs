@@ -113,6 +113,13 @@ impl FingerSet {
     /// Every finger.
     pub const ALL: Self = Self((1 << FINGER_COUNT) - 1);
 
+    /// The fingers that this is true of.
+    #[must_use]
+    pub const fn of(fingers: [bool; FINGER_COUNT]) -> Self {
+        let [thumb, index, middle, ring] = fingers;
+        Self(thumb as u8 | (index as u8) << 1 | (middle as u8) << 2 | (ring as u8) << 3)
+    }
+
     /// One bit for each finger.
     #[must_use]
     pub const fn bits(self) -> u8 {

@@ -8,12 +8,14 @@
 /// Nearest integer, ties to even, saturating; `None` for NaN.
 ///
 /// A number of less than 2^22 that 1.5 * 2^23 is added to has no digits left behind the point, and its integer stands in the low
-/// bits of the sum. A cast is twice as long on the target, for it has NaN and the ends of the range to think of.
+/// bits of the sum; of any other number something else does, which is out of range. A cast is twice as long on the
+/// target, for it has NaN and the ends of the range to think of.
 fn nearest(digits: f32) -> Option<i32> {
     const SHIFT: f32 = 12_582_912.0;
-    const MOST: f32 = 4_194_304.0;
-    if digits.abs() < MOST {
-        Some((digits + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits()) as i32)
+    const MOST: i32 = 1 << 22;
+    let integer = (digits + SHIFT).to_bits().wrapping_sub(SHIFT.to_bits()) as i32;
+    if (-MOST..MOST).contains(&integer) {
+        Some(integer)
     } else if digits.is_nan() {
         None
     } else {

@@ -47,7 +47,7 @@ impl Controller {
             fingers: self.supervisor.fingers(),
             bus: self.supervisor.tier(),
             fault: first_fault(&self.supervisor),
-            slipping: FingerSet::default(),
+            slipping: last.slipping,
             limited,
             limits: reasons,
         };
@@ -66,6 +66,10 @@ impl Controller {
         }
         if core::mem::replace(&mut last.tier, bus) != bus {
             log.push(t_us, Event::Bus { tier: bus as u8 });
+        }
+        let slipping = FingerSet::of(self.control.slipping());
+        if core::mem::replace(&mut last.slipping, slipping) != slipping {
+            log.push(t_us, Event::Slip { fingers: slipping.bits() });
         }
         if found.reset {
             self.recorder.resume();

@@ -6,6 +6,7 @@ use std::vec::Vec;
 use proptest::prelude::*;
 use protocol::command::{ControlWord, Setpoint};
 use protocol::frame::{FRAME_MAX, Framer};
+use protocol::ids::FingerJoint;
 
 use super::*;
 
@@ -128,4 +129,57 @@ proptest! {
             prop_assert!(len <= usize::from(odd) * 20);
         }
     }
+}
+
+#[test]
+fn a_tip_that_slips_is_told_and_the_thumb_presses_harder_until_it_lets_go() {
+    let mut hand = controller();
+    let mut framer = Framer::default();
+    let mut now_us = 0;
+    let mut pass = |hand: &mut Controller, word: ControlWord, sensors: &Sensors, seq: u16| {
+        let mut bytes = [0; Setpoint::LEN];
+        let stiffness = protocol::units::StiffnessQ::from_n_per_m(300.0).expect("a number");
+        let thumb = protocol::command::ThumbImpedance { stiffness: [stiffness; 3], ..Default::default() };
+        let position = sensors.position_rad.map(|q| AngleQ::from_rad(q).expect("a number"));
+        let control = word.with_thumb_impedance().with_fingers(FingerSet::ALL);
+        Setpoint { seq, control, position, thumb, ..Setpoint::default() }.encode(&mut bytes);
+        hand.receive(&framed(&mut framer, &bytes));
+        now_us += PERIOD_US;
+        let output = hand.tick(now_us, sensors);
+        hand.serve();
+        hand.transmit(&mut [0; 1024]);
+        output.torque_nm
+    };
+    let mut bent = sensors(0.5);
+    for finger in FingerId::ALL {
+        bent.position_rad[JointId::of(finger, FingerJoint::Abduction).index()] = 0.0;
+    }
+    let words = [0x00, 0x06, 0x07].map(|bits| ControlWord::from_bits(bits).expect("defined bits"));
+    let words = words.into_iter().chain(core::iter::repeat(ControlWord::ENABLE_OPERATION));
+    let mut seq = 0..;
+    let mut last = [0.0; JOINT_COUNT];
+    for (word, seq) in words.clone().zip(seq.by_ref()).take(100) {
+        last = pass(&mut hand, word, &bent, seq);
+    }
+    let flexion = JointId::of(FingerId::Thumb, FingerJoint::Flexion).index();
+    assert!(last[flexion].abs() < 0.01, "{last:?}");
+    // 2 N on the ring finger's pad and 1.6 N across it.
+    let mut slipping = bent;
+    slipping.tip_wrench[FingerId::Ring.index()] = [1.6, 0.0, -2.0, 0.0, 1.6 * 0.0125, 0.0];
+    for seq in seq.by_ref().take(400) {
+        last = pass(&mut hand, ControlWord::ENABLE_OPERATION, &slipping, seq);
+    }
+    assert!(hand.state.status.slipping.contains(FingerId::Ring));
+    assert_eq!(hand.state.status.slipping.bits(), 1 << FingerId::Ring.index());
+    // Some 2 N at the tip, through the gain of the torque loop.
+    assert!((0.1..0.5).contains(&last[flexion]), "{last:?}");
+    for seq in seq.by_ref().take(400) {
+        last = pass(&mut hand, ControlWord::ENABLE_OPERATION, &bent, seq);
+    }
+    assert_eq!(hand.state.status.slipping, FingerSet::default());
+    assert!(last[flexion] > 0.1, "the grip stays");
+    for (word, seq) in words.zip(seq).take(400) {
+        last = pass(&mut hand, word, &bent, seq);
+    }
+    assert!(last[flexion].abs() < 0.01, "{last:?}");
 }

@@ -3,7 +3,7 @@
 //! `tau = J^T (K dx + D dv)` with the reduced 3 x 3 Jacobian, whose last column holds the middle and the distal joint
 //! together. The links' inertia is left as it is: shaping it would need the tip's acceleration.
 
-use hand_model::{FingerAngles, FingerGeometry, FingerTrig, tip, tip_jacobian};
+use hand_model::{FingerAngles, FingerGeometry, FingerTrig, pad_normal, tip, tip_jacobian};
 use nalgebra::Vector3;
 
 use crate::trig::sin_cos;
@@ -17,6 +17,8 @@ pub struct TipImpedance {
     pub damping_n_s_per_m: [f32; 3],
     /// Most that the spring may push.
     pub force_max_n: f32,
+    /// Push along the pad's normal beyond that of the spring, as if the target lay so much deeper.
+    pub boost_n: f32,
 }
 
 /// Angles and speeds of a finger's three joints.
@@ -58,6 +60,7 @@ pub fn tip_torque(
 
     let offset = tip(geometry, &there) - tip(geometry, &here);
     let mut spring = offset.component_mul(&Vector3::from(impedance.stiffness_n_per_m));
+    spring += pad_normal(&here).into_inner() * impedance.boost_n;
     let force_max_n = impedance.force_max_n;
     let force_limited = spring.norm_squared() > force_max_n * force_max_n;
     if force_limited {
@@ -75,6 +78,7 @@ mod tests {
         stiffness_n_per_m: [400.0, 500.0, 300.0],
         damping_n_s_per_m: [10.0, 10.0, 10.0],
         force_max_n: 10.0,
+        boost_n: 0.0,
     };
 
     fn resting(angle_rad: [f32; 3]) -> FingerMotion {
@@ -110,6 +114,23 @@ mod tests {
             tip_jacobian(&finger, &FingerTrig::new(&FingerAngles::from_array(&here.angle_rad), sin_cos));
         let force = jacobian.transpose().try_inverse().unwrap() * Vector3::from(torque.torque_nm);
         assert!((force.norm() - 10.0).abs() < 1e-3, "{force}");
+    }
+
+    #[test]
+    fn a_boost_is_a_push_along_the_pad_that_is_cut_with_the_rest() {
+        let finger = HandModel::<f32>::hit_dlr().finger;
+        let here = resting([0.1, 0.5, 0.6]);
+        let trig = FingerTrig::new(&FingerAngles::from_array(&here.angle_rad), sin_cos);
+        let force = |boost_n| {
+            let torque = tip_torque(&finger, &TipImpedance { boost_n, ..IMPEDANCE }, &here, &here);
+            let inverse = tip_jacobian(&finger, &trig).transpose().try_inverse().expect("bent");
+            (inverse * Vector3::from(torque.torque_nm), torque.force_limited)
+        };
+        let normal = pad_normal(&trig).into_inner();
+        let (pushed, limited) = force(3.0);
+        assert!((pushed - normal * 3.0).norm() < 1e-4 && !limited, "{pushed}");
+        let (pushed, limited) = force(30.0);
+        assert!((pushed - normal * 10.0).norm() < 1e-3 && limited, "{pushed}");
     }
 
     #[test]

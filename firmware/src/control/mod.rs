@@ -6,6 +6,7 @@ pub mod friction;
 pub mod impedance;
 pub mod limits;
 pub mod pd;
+pub mod slip;
 mod tick;
 pub mod transition;
 

@@ -7,6 +7,7 @@ use super::friction::{FrictionModel, compensation_nm};
 use super::impedance::{FingerMotion, TipImpedance, tip_torque};
 use super::limits::{Limit, all_finite, clamp_torque};
 use super::pd::{PdGains, torque_nm};
+use super::slip::{Slip, SlipConfig};
 
 /// Everything that stays the same from one period to the next.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,6 +24,8 @@ pub struct Config {
     pub friction: FrictionModel,
     /// Most torque for abduction, flexion, middle.
     pub torque_max_nm: [f32; JOINTS_PER_FINGER],
+    /// Slip and the reflex against it.
+    pub slip: SlipConfig,
     /// Gain of the inner loop on the strain gauges, 0 or more: it divides drive friction by one more than itself.
     pub torque_gain: f32,
     /// Cut-off of the strain gauges' filter. The drive's elasticity resonates at 34 Hz, so this stays below.
@@ -51,7 +54,9 @@ impl Config {
                 stiffness_n_per_m: [500.0, 500.0, 300.0],
                 damping_n_s_per_m: [10.0, 10.0, 8.0],
                 force_max_n: model.drive.tip_force_max_n,
+                boost_n: 0.0,
             },
+            slip: SlipConfig::new(model.finger.tip_radius_m),
             joint: [PdGains { stiffness_nm_per_rad: 6.0, damping_nm_s_per_rad: 0.12 }; 3],
             friction: FrictionModel {
                 coulomb_nm: model.drive.coulomb_friction_nm,
@@ -109,6 +114,13 @@ impl Target {
         let zero = [0.0; JOINT_COUNT];
         Self { position_rad, velocity_rad_per_s: zero, feed_forward_nm: zero, thumb_mode }
     }
+
+    /// Whether everything in it is a finite number.
+    fn is_number(&self) -> bool {
+        all_finite(&self.position_rad)
+            && all_finite(&self.velocity_rad_per_s)
+            && all_finite(&self.feed_forward_nm)
+    }
 }
 
 /// What one period leaves for the next.
@@ -120,6 +132,7 @@ pub struct State {
     target: Target,
     /// Whether there has been a target that was one.
     has_target: bool,
+    slip: Slip,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -143,6 +156,7 @@ impl Default for State {
             },
             target: Target::hold(zero, ThumbMode::Position),
             has_target: false,
+            slip: Slip::default(),
         }
     }
 }
@@ -152,6 +166,17 @@ impl State {
     #[must_use]
     pub const fn velocity_rad_per_s(&self) -> &[f32; JOINT_COUNT] {
         &self.measured.velocity_rad_per_s
+    }
+
+    /// Ends what the slip reflex adds to the thumb's push: a thumb without torque begins anew.
+    pub fn end_boost(&mut self) {
+        self.slip.end_boost();
+    }
+
+    /// Whether each fingertip slips.
+    #[must_use]
+    pub fn slipping(&self) -> [bool; FINGER_COUNT] {
+        self.slip.slipping()
     }
 }
 
@@ -166,31 +191,41 @@ pub struct Torques {
 
 /// One control period of `dt_s`.
 #[must_use]
-// A function of its own, as every large step of a period: all of them in one run out of registers.
-#[inline(never)]
 pub fn step(config: &Config, state: &mut State, sensors: &Sensors, target: &Target, dt_s: f32) -> Torques {
     let mut torques = Torques { nm: [0.0; JOINT_COUNT], limits: [Limit::None; JOINT_COUNT] };
     torques.limits[JointId::THUMB_ROTATION.index()] = Limit::Braked;
-    if !(dt_s.is_finite() && dt_s > 0.0) {
+    if dt_s.is_finite() && dt_s > 0.0 {
+        advance(config, state, sensors, target, dt_s, &mut torques);
+    } else {
         torques.limits[1..].fill(Limit::BadInput);
-        return torques;
-    }
-    state.measured.step(config, sensors, dt_s);
-    let target_is_good = state.choose_target(target);
-    for finger in FingerId::ALL {
-        let joints = first_joint(finger)..first_joint(finger) + JOINTS_PER_FINGER;
-        if state.measured.good[joints.clone()].contains(&false) {
-            torques.limits[joints].fill(Limit::BadInput);
-            continue;
-        }
-        let (nm, limits) = finger_torques(config, finger, &state.measured, &state.target);
-        for (k, joint) in joints.enumerate() {
-            torques.nm[joint] = nm[k];
-            torques.limits[joint] =
-                if limits[k] == Limit::None && !target_is_good { Limit::BadTarget } else { limits[k] };
-        }
     }
     torques
+}
+
+// A function of its own, as every large step of a period: all of them in one run out of registers. It writes torques in their
+// place: a result of this size would be copied.
+#[inline(never)]
+fn advance(
+    config: &Config,
+    state: &mut State,
+    sensors: &Sensors,
+    target: &Target,
+    dt_s: f32,
+    torques: &mut Torques,
+) {
+    state.measured.step(config, sensors, dt_s);
+    let reacts = target.thumb_mode == ThumbMode::Impedance;
+    state.slip.step(&config.slip, &sensors.tip_wrench, reacts, dt_s);
+    if state.give(config, target, torques) || target.is_number() {
+        // Array by array: what is longer becomes a call, at four instructions a word.
+        state.target.position_rad = target.position_rad;
+        state.target.velocity_rad_per_s = target.velocity_rad_per_s;
+        state.target.feed_forward_nm = target.feed_forward_nm;
+        state.target.thumb_mode = target.thumb_mode;
+        state.has_target = true;
+    } else {
+        state.give_instead(config, target, torques);
+    }
 }
 
 /// Index of a finger's abduction in arrays of joints.
@@ -221,30 +256,47 @@ impl Measured {
 }
 
 impl State {
-    /// Takes the target if it is one, else the last that was, else to stay where the joints are; whether it is the new one.
-    fn choose_target(&mut self, target: &Target) -> bool {
-        let good = all_finite(&target.position_rad)
-            && all_finite(&target.velocity_rad_per_s)
-            && all_finite(&target.feed_forward_nm);
-        if good {
-            // Array by array: what is longer becomes a call, at four instructions a word.
-            self.target.position_rad = target.position_rad;
-            self.target.velocity_rad_per_s = target.velocity_rad_per_s;
-            self.target.feed_forward_nm = target.feed_forward_nm;
-            self.target.thumb_mode = target.thumb_mode;
-            self.has_target = true;
-        } else if self.has_target {
+    /// Torques for a target. False if a joint is given none because something is no number; that shows in the result,
+    /// so that it is looked for only then.
+    fn give(&self, config: &Config, target: &Target, torques: &mut Torques) -> bool {
+        let thumb = TipImpedance { boost_n: self.slip.boost_n(), ..config.thumb };
+        let mut all_numbers = true;
+        for finger in FingerId::ALL {
+            let joints = first_joint(finger)..first_joint(finger) + JOINTS_PER_FINGER;
+            if self.measured.good[joints.clone()].contains(&false) {
+                torques.limits[joints].fill(Limit::BadInput);
+                all_numbers = false;
+                continue;
+            }
+            let (nm, limits) = finger_torques(config, &thumb, finger, &self.measured, target);
+            all_numbers &= !limits.contains(&Limit::BadInput);
+            torques.nm[joints.clone()].copy_from_slice(&nm);
+            torques.limits[joints].copy_from_slice(&limits);
+        }
+        all_numbers
+    }
+
+    /// Torques for the last target that was one, else to stay where the joints are.
+    #[cold]
+    fn give_instead(&mut self, config: &Config, target: &Target, torques: &mut Torques) {
+        if self.has_target {
             // A speed that nobody renews must not go on.
             self.target.velocity_rad_per_s = [0.0; JOINT_COUNT];
         } else {
             self.target = Target::hold(self.measured.position_rad, target.thumb_mode);
         }
-        good
+        self.give(config, &self.target, torques);
+        for limit in &mut torques.limits[1..] {
+            if *limit == Limit::None {
+                *limit = Limit::BadTarget;
+            }
+        }
     }
 }
 
 fn finger_torques(
     config: &Config,
+    thumb: &TipImpedance,
     finger: FingerId,
     measured: &Measured,
     target: &Target,
@@ -263,13 +315,15 @@ fn finger_torques(
     let ranges = [&config.limits.abduction, &config.limits.flexion, &config.limits.middle];
     for (k, range) in ranges.into_iter().enumerate() {
         if !range.contains(should.angle_rad[k]) {
-            should.angle_rad[k] = range.clamp(should.angle_rad[k]);
+            // An infinite target is no target.
+            let is_number = should.angle_rad[k].is_finite();
+            should.angle_rad[k] = if is_number { range.clamp(should.angle_rad[k]) } else { f32::NAN };
             limits[k] = Limit::Position;
         }
     }
     let asked;
     if finger == FingerId::Thumb && target.thumb_mode == ThumbMode::Impedance {
-        let spring = tip_torque(&config.finger, &config.thumb, &is, &should);
+        let spring = tip_torque(&config.finger, thumb, &is, &should);
         asked = spring.torque_nm;
         if spring.force_limited {
             limits.fill(Limit::TipForce);

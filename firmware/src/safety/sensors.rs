@@ -97,12 +97,12 @@ impl Default for Still {
 }
 
 impl Still {
-    /// One period.
-    fn step(&mut self, reading: f32, cause: f32, elapsed_us: u32) {
+    /// One period; whether the reading is that of the period before.
+    fn step(&mut self, reading: f32, cause: f32, elapsed_us: u32) -> bool {
         let bits = reading.to_bits();
         if bits != self.bits {
             *self = Self { bits, us: 0, low: cause, high: cause };
-            return;
+            return false;
         }
         self.us = self.us.saturating_add(elapsed_us);
         // Comparisons, for `min` and `max` are calls on the target.
@@ -111,6 +111,7 @@ impl Still {
         } else if cause > self.high {
             self.high = cause;
         }
+        true
     }
 
     /// Whether the reading has stood still for so long while its cause moved by more than this.
@@ -283,10 +284,13 @@ impl Joint {
             (self.position, self.torque) = (Still::default(), Still::default());
             return None;
         };
-        self.position.step(read_rad, target_rad, elapsed_us);
-        self.torque.step(torque_nm, output_nm, elapsed_us);
-        if self.position.us == 0 {
+        let angle_stands = self.position.step(read_rad, target_rad, elapsed_us);
+        let torque_stands = self.torque.step(torque_nm, output_nm, elapsed_us);
+        if !angle_stands {
             self.felt_nm = 0.0;
+            if !torque_stands {
+                return None;
+            }
         } else if torque_nm.abs() > self.felt_nm {
             self.felt_nm = torque_nm.abs();
         }

@@ -32,10 +32,13 @@ impl Twin {
         let plant = Plant::new(scene)?;
         let mut sensors = Sensors::new(parameters, seed);
         let report = sensors.read(&plant.state());
+        let mut config = Config::new(&scene.hand.cast());
+        // `exec` has its reflex, which knows the plan's forces; two at once would add up.
+        config.slip.rate_n_per_s = 0.0;
         Ok(Self {
             plant,
             sensors,
-            config: Config::new(&scene.hand.cast()),
+            config,
             state: State::default(),
             report,
             center_in_object: scene.object.as_ref().map(|object| object.center_of_mass),

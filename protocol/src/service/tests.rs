@@ -59,13 +59,14 @@ const ANSWERS: [Answer<'static>; 8] = [
     }),
 ];
 
-const EVENTS: [Event; 6] = [
+const EVENTS: [Event; 7] = [
     Event::Started,
     Event::Drives { hand: 4, fingers: [4, 4, 3, 7] },
     Event::Fault(FIRST_FAULT),
     Event::Bus { tier: 2 },
     Event::Refused(Code(4)),
     Event::Dropped { events: 1000 },
+    Event::Slip { fingers: 0b0101 },
 ];
 
 fn line(bytes: &[u8]) -> String {
