@@ -10,7 +10,7 @@ use object::{Object, ObjectSection, ObjectSegment, SectionKind};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::qemu::{Qemu, QemuError};
+use host::link::emulator::qemu::{Qemu, QemuError};
 
 /// A run takes a fifth of a second; this is for a machine that is busy with other things.
 const TIMEOUT: Duration = Duration::from_secs(120);

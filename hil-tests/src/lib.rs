@@ -4,9 +4,5 @@
 //! QEMU or without the target's standard library fails these tests and says what to install; nothing is skipped.
 #![forbid(unsafe_code)]
 
-pub mod client;
 pub mod corruption;
 pub mod figures;
-pub mod image;
-pub mod lockstep;
-pub mod qemu;

@@ -1,6 +1,7 @@
 //! Instruction counts repeat exactly under QEMU, so they may gate: control has 21,250 cycles at 8 kHz and 170 MHz.
 
-use hil_tests::{figures, image};
+use hil_tests::figures;
+use host::link::emulator::image;
 
 #[test]
 fn control_keeps_its_budget_and_counts_repeat() {

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use firmware::selfcheck::kinematics_digest;
-use hil_tests::image;
-use hil_tests::qemu::{Qemu, QemuError};
+use host::link::emulator::image;
+use host::link::emulator::qemu::{Qemu, QemuError};
 
 /// A run takes a fifth of a second; this is for a machine that is busy with other things.
 const TIMEOUT: Duration = Duration::from_secs(120);

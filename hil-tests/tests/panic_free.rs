@@ -1,6 +1,6 @@
 //! What can be read off an image without running it.
 
-use hil_tests::image;
+use host::link::emulator::image;
 
 #[test]
 fn no_panic_is_reachable_from_the_bus_or_the_control_period() {

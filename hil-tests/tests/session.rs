@@ -3,9 +3,9 @@
 
 use firmware::app::{Controller, Identity};
 use firmware::control::Sensors;
-use hil_tests::client::{Client, Heard};
-use hil_tests::image;
-use hil_tests::lockstep::Lockstep;
+use host::link::emulator::image;
+use host::link::emulator::lockstep::Lockstep;
+use host::link::host_end::{Heard, HostEnd};
 use protocol::bench::{BusBytes, FromBoard, ToBoard};
 use protocol::blackbox::Record;
 use protocol::command::{ControlWord, Setpoint};
@@ -51,7 +51,7 @@ impl Board for Lockstep {
 /// A host, a board, and everything that passed between them.
 struct Bench<B> {
     board: B,
-    client: Client,
+    client: HostEnd,
     sensors: ToBoard,
     setpoint: Setpoint,
     passed: Vec<FromBoard>,
@@ -65,7 +65,7 @@ impl<B: Board> Bench<B> {
             position: rest().map(|q| AngleQ::from_rad(q).expect("a number")),
             ..Setpoint::default()
         };
-        Self { board, client: Client::default(), sensors, setpoint, passed: Vec::new(), heard: Vec::new() }
+        Self { board, client: HostEnd::default(), sensors, setpoint, passed: Vec::new(), heard: Vec::new() }
     }
 
     fn pass(&mut self, bytes: &[u8]) -> FromBoard {

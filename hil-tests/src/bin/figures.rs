@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use hil_tests::corruption::{self, Outcome};
 use hil_tests::figures::{self, Figures};
-use hil_tests::image;
+use host::link::emulator::image;
 use serde::Serialize;
 
 /// Damaged frames.

@@ -14,6 +14,7 @@ pub mod demo;
 pub mod execute;
 pub mod experiment;
 pub mod export;
+pub mod hand_bus;
 mod input;
 mod pipeline;
 pub mod plan;
@@ -58,6 +59,9 @@ enum Command {
     Execute(execute::ExecuteArgs),
     /// The paper's experiment on the virtual cell: many trials from scan to hold, as a table
     Experiment(experiment::ExperimentArgs),
+    /// Bring-up of a hand at the end of a line
+    #[command(subcommand)]
+    Hand(hand_bus::BusCommand),
     /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
     Export(export::ExportArgs),
 }
@@ -92,6 +96,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
         Command::Experiment(args) => experiment::run(&args, out),
+        Command::Hand(command) => hand_bus::run(&command, out),
         Command::Export(args) => export::run(&args, out),
     }
 }

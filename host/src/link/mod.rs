@@ -1,6 +1,12 @@
 //! What the executor needs of a hand on an arm, whichever it is: the simulated one, the firmware in an emulator, or the
 //! real one.
 
+pub mod address;
+pub mod client;
+pub mod emulator;
+pub mod host_end;
+pub mod port;
+
 use nalgebra::{Isometry3, Point3, Vector3};
 use protocol::ids::{FINGER_COUNT, JOINT_COUNT};
 use thiserror::Error;

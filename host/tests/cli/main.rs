@@ -4,6 +4,7 @@
 mod experiment;
 mod export;
 mod fixture;
+mod hand_bus;
 mod metric;
 mod path;
 mod streams;

@@ -21,14 +21,14 @@ pub enum Heard {
 
 /// A host's end of the bus.
 #[derive(Debug, Default)]
-pub struct Client {
+pub struct HostEnd {
     framer: Framer,
     deframer: Deframer,
     seq: u16,
     id: u16,
 }
 
-impl Client {
+impl HostEnd {
     /// The bytes of a new set-point; its `seq` is put in here.
     pub fn setpoint(&mut self, setpoint: &Setpoint) -> Vec<u8> {
         self.seq = self.seq.wrapping_add(1);

@@ -9,16 +9,18 @@ use std::path::Path;
 use std::process::{Command, ExitStatus};
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use protocol::bench::{FromBoard, ToBoard};
 use tempfile::TempDir;
 use thiserror::Error;
 
-use crate::qemu::{Qemu, Running, drain};
+use super::qemu::{Qemu, Running, drain};
 
 /// For a machine that is busy with other things; a period takes less than a millisecond.
 const TIMEOUT: Duration = Duration::from_secs(60);
+/// How often one looks whether the emulator is still there.
+const LOOK: Duration = Duration::from_millis(100);
 
 /// Why the lock-step ended.
 #[derive(Debug, Error)]
@@ -32,7 +34,7 @@ pub enum LockstepError {
         source: io::Error,
     },
     /// The image gave no answer.
-    #[error("the image gave no answer; the emulator: {status:?}, and it said:\n{stderr}")]
+    #[error("the image gave no answer; the emulator {}, and it said: {stderr}", ended(*.status))]
     Silent {
         /// How the emulator ended, if it did.
         status: Option<ExitStatus>,
@@ -50,6 +52,10 @@ pub struct Lockstep {
     stderr: Receiver<io::Result<String>>,
     /// Holds the pipes until the end.
     _folder: TempDir,
+}
+
+fn ended(status: Option<ExitStatus>) -> String {
+    status.map_or_else(|| "runs".to_owned(), |status| format!("ended with {status}"))
 }
 
 fn failed(what: &'static str) -> impl FnOnce(io::Error) -> LockstepError {
@@ -109,17 +115,26 @@ impl Lockstep {
         if let Some(pipe) = &mut self.to_board {
             pipe.write_all(&bytes).map_err(failed("writing to the image"))?;
         }
-        match self.from_board.recv_timeout(TIMEOUT) {
-            Ok(Ok(bytes)) => Ok(FromBoard::decode(&bytes)),
-            Ok(Err(source)) => Err(LockstepError::Io { what: "reading from the image", source }),
-            Err(_) => {
-                let status = self.running.0.try_wait().ok().flatten();
-                // Ends the emulator, so that its complaints end too.
-                let _ = self.running.0.kill();
-                let stderr = self.stderr.recv_timeout(TIMEOUT).ok().and_then(Result::ok).unwrap_or_default();
-                Err(LockstepError::Silent { status, stderr })
+        let end = Instant::now() + TIMEOUT;
+        loop {
+            match self.from_board.recv_timeout(LOOK) {
+                Ok(Ok(bytes)) => return Ok(FromBoard::decode(&bytes)),
+                Ok(Err(source)) => return Err(LockstepError::Io { what: "reading from the image", source }),
+                Err(_) => {
+                    let status = self.running.0.try_wait().ok().flatten();
+                    if status.is_some() || Instant::now() >= end {
+                        return Err(self.silent(status));
+                    }
+                }
             }
         }
+    }
+
+    fn silent(&mut self, status: Option<ExitStatus>) -> LockstepError {
+        // Ends the emulator, so that its complaints end too.
+        let _ = self.running.0.kill();
+        let stderr = self.stderr.recv_timeout(TIMEOUT).ok().and_then(Result::ok).unwrap_or_default();
+        LockstepError::Silent { status, stderr: stderr.trim().to_owned() }
     }
 
     /// Closes the pipe, at which the image ends by itself.
