@@ -13,8 +13,9 @@ mod report;
 mod service;
 
 use hand_model::HandModel;
+use protocol::fault::Refusal;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
-use protocol::service::Event;
+use protocol::service::{Answer, Event, Reply};
 use protocol::telemetry::{BusTier, DriveState, FingerSet, HandState};
 use protocol::units::{AngleQ, TorqueQ};
 
@@ -34,6 +35,8 @@ pub struct Identity {
     pub board: &'static str,
     /// Nominal control period.
     pub period_us: u32,
+    /// Whether the board keeps parameters, and so asks for [`Controller::take_save`].
+    pub has_storage: bool,
 }
 
 /// What the drives are to do until the next period.
@@ -68,6 +71,8 @@ pub struct Controller {
     state: HandState,
     /// A set-point has not been answered by its state yet.
     report_is_due: bool,
+    /// Request whose parameters are to be kept, and whether the board has been told.
+    save: Option<(u16, bool)>,
 }
 
 /// What the period before leaves.
@@ -128,6 +133,37 @@ impl Controller {
             },
             state: HandState::default(),
             report_is_due: false,
+            save: None,
+        }
+    }
+
+    /// Takes over parameters that were kept. Before the first control period.
+    pub fn restore(&mut self, parameters: &Parameters) {
+        self.parameters = *parameters;
+        self.settings = self.parameters.settings(&self.model, self.identity.period_us);
+    }
+
+    /// Parameters that the board is to keep now, which may take long: no drive has torque. It says [`Self::saved`] then.
+    pub fn take_save(&mut self) -> Option<Parameters> {
+        let (id, is_taken) = self.save.as_mut()?;
+        if core::mem::replace(is_taken, true) {
+            return None;
+        }
+        if self.supervisor.has_torque() {
+            // It came on since the request.
+            let (id, answer) = (*id, Answer::Refused(Refusal::TorqueOn.into()));
+            self.save = None;
+            self.session.reply(&Reply { id, answer });
+            return None;
+        }
+        Some(self.parameters)
+    }
+
+    /// What came of [`Self::take_save`].
+    pub fn saved(&mut self, done: bool) {
+        if let Some((id, _)) = self.save.take() {
+            let answer = if done { Answer::Done } else { Answer::Refused(Refusal::StorageFailed.into()) };
+            self.session.reply(&Reply { id, answer });
         }
     }
 

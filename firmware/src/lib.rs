@@ -16,4 +16,5 @@ pub mod parameters;
 pub mod safety;
 pub mod selfcheck;
 pub mod session;
+pub mod storage;
 pub mod trig;

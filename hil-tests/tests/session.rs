@@ -145,7 +145,7 @@ fn rest() -> [f32; JOINT_COUNT] {
 }
 
 fn in_memory() -> Bench<Controller> {
-    Bench::new(Controller::new(Identity { board: "mps2-an386", period_us: PERIOD_US }))
+    Bench::new(Controller::new(Identity { board: "mps2-an386", period_us: PERIOD_US, has_storage: true }))
 }
 
 /// Word of the service, of the cyclic channel, of faults, all in one run.
@@ -242,6 +242,45 @@ fn the_image_tells_the_same_story_as_the_library_to_the_last_bit() {
     }
     let status = emulated.board.finish().unwrap_or_else(|error| panic!("{error}"));
     assert!(status.success(), "{status}");
+}
+
+#[test]
+fn parameters_outlast_the_power_supply() {
+    let elf = image::build("mps2-an386").unwrap_or_else(|error| panic!("{error}"));
+    let folder = tempfile::tempdir().expect("a folder");
+    let flash = folder.path().join("flash.bin");
+    let start = || {
+        let board = Lockstep::start_with_flash(&elf, Some(&flash)).unwrap_or_else(|error| panic!("{error}"));
+        Bench::new(board)
+    };
+    let gain = |bench: &mut Bench<Lockstep>| {
+        let reply = bench.ask(Call::ParameterGet { index: 7 });
+        let Answer::Parameter(Value::F32(gain)) = Reply::decode(&reply).expect("a reply").answer else {
+            panic!("{reply:?}")
+        };
+        gain
+    };
+    let done = |bench: &mut Bench<Lockstep>, call| {
+        let reply = bench.ask(call);
+        Reply::decode(&reply).expect("a reply").answer == Answer::Done
+    };
+    let mut bench = start();
+    assert_eq!(gain(&mut bench), 0.5);
+    bench.ask(Call::ParameterSet { index: 7, value: Value::F32(0.75) });
+    assert!(done(&mut bench, Call::ParameterSave));
+    bench.ask(Call::ParameterSet { index: 7, value: Value::F32(1.5) });
+    bench.enable();
+    for call in [Call::ParameterSave, Call::ParameterDefaults] {
+        assert_eq!(bench.refused(call), Refusal::TorqueOn);
+    }
+    bench.board.finish().unwrap_or_else(|error| panic!("{error}"));
+
+    let mut bench = start();
+    assert_eq!(gain(&mut bench), 0.75, "what was saved, not what was set");
+    assert!(done(&mut bench, Call::ParameterDefaults));
+    assert_eq!(gain(&mut bench), 0.5);
+    bench.board.finish().unwrap_or_else(|error| panic!("{error}"));
+    assert_eq!(gain(&mut start()), 0.75, "defaults were not saved");
 }
 
 #[test]

@@ -86,6 +86,10 @@ numbered! {
     Busy = 12, "the last request has not been answered yet";
     /// The answer does not fit into a frame.
     AnswerTooLong = 13, "the answer does not fit into a frame";
+    /// The board has no flash for parameters.
+    NoStorage = 14, "the board stores no parameters";
+    /// The flash failed.
+    StorageFailed = 15, "the flash did not take the parameters";
 }
 
 numbered! {

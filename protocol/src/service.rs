@@ -63,6 +63,10 @@ pub enum Call {
     },
     /// What the hand's end of the line has seen: [`Answer::Link`].
     Link,
+    /// Keep the parameters as they are now beyond the power supply, while no drive has torque: [`Answer::Done`].
+    ParameterSave,
+    /// Put all parameters to their defaults, while no drive has torque; what is kept stays: [`Answer::Done`].
+    ParameterDefaults,
 }
 
 /// A call with the number by which its answer is known.

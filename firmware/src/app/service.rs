@@ -18,6 +18,13 @@ impl Controller {
         // The state comes before the reply, as they were asked for.
         self.report_if_due();
         let Some(request) = self.session.take_request() else { return };
+        if request.call == Call::ParameterSave
+            && let Ok(()) = self.may_save()
+        {
+            // Answered when the board has done it.
+            self.save = Some((request.id, false));
+            return;
+        }
         let mut record = [0; Record::LEN];
         let answer = self
             .answer(&request.call, &mut record)
@@ -62,7 +69,26 @@ impl Controller {
                 Answer::Record(record)
             }
             Call::Link => Answer::Link(*self.session.counters()),
+            Call::ParameterSave => self.may_save().map(|()| Answer::Done)?,
+            Call::ParameterDefaults => {
+                torque_off()?;
+                self.parameters = Parameters::default();
+                self.settings = self.parameters.settings(&self.model, self.identity.period_us);
+                Answer::Done
+            }
         })
+    }
+
+    fn may_save(&self) -> Result<(), Refusal> {
+        if self.supervisor.has_torque() {
+            Err(Refusal::TorqueOn)
+        } else if !self.identity.has_storage {
+            Err(Refusal::NoStorage)
+        } else if self.save.is_some() {
+            Err(Refusal::Busy)
+        } else {
+            Ok(())
+        }
     }
 
     /// Takes the present readings of these strain gauges as zero; all of them or none.

@@ -13,7 +13,7 @@ use super::*;
 const PERIOD_US: u32 = 125;
 
 fn controller() -> Controller {
-    Controller::new(Identity { board: "test", period_us: PERIOD_US })
+    Controller::new(Identity { board: "test", period_us: PERIOD_US, has_storage: true })
 }
 
 fn sensors(position_rad: f32) -> Sensors {

@@ -10,20 +10,25 @@ use cortex_m as _; // its critical section
 use cortex_m::singleton;
 use cortex_m_rt::entry;
 use firmware::app::{Controller, Identity};
-use firmware::board::mps2_an386::{Bench, Console, InstructionCounter, StackPaint, exit, started_with};
+use firmware::board::mps2_an386::{
+    Bench, Console, FileFlash, InstructionCounter, StackPaint, exit, started_with,
+};
 use firmware::control::Sensors;
 use firmware::figures;
 use firmware::selfcheck::kinematics_digest;
+use firmware::storage::Storage;
 use protocol::bench::{BusBytes, FromBoard};
 
 /// Seed of the poses; the host computes the digest with the same.
 const SEED: u32 = 1;
 
 /// The simulated hand's control period.
-const IDENTITY: Identity = Identity { board: "mps2-an386", period_us: 1000 };
+const IDENTITY: Identity = Identity { board: "mps2-an386", period_us: 1000, has_storage: true };
 
 /// Status when the controller could not be set up.
 const NO_CONTROLLER: u32 = 2;
+/// Status when there is no flash.
+const NO_FLASH: u32 = 3;
 
 #[entry]
 fn main() -> ! {
@@ -49,6 +54,11 @@ fn main() -> ! {
 
 /// Controls the simulated hand until it goes away.
 fn control(controller: &mut Controller) -> ! {
+    let Some(Ok(mut storage)) = FileFlash::open().map(Storage::new) else { exit(NO_FLASH) };
+    // A flash that cannot be read leaves the defaults.
+    if let Ok(parameters) = storage.load() {
+        controller.restore(&parameters);
+    }
     let mut bench = Bench::open();
     while let Some(frame) = bench.read() {
         controller.receive(frame.bus.as_slice());
@@ -59,6 +69,9 @@ fn control(controller: &mut Controller) -> ! {
         };
         let output = controller.tick(frame.now_us, &sensors);
         controller.serve();
+        if let Some(parameters) = controller.take_save() {
+            controller.saved(storage.save(&parameters).is_ok());
+        }
         let answer = FromBoard {
             torque_nm: output.torque_nm,
             enabled: output.enabled.iter().rev().fold(0, |bits, &on| bits << 1 | u8::from(on)),

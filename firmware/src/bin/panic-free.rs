@@ -40,6 +40,10 @@ fn control_period(hand: &mut Controller) {
     };
     black_box(hand.tick(frame.now_us, &sensors));
     hand.serve();
+    if let Some(parameters) = black_box(hand.take_save()) {
+        black_box(parameters);
+        hand.saved(black_box(true));
+    }
     hand.transmit(black_box(&mut [0; 64]));
 }
 
@@ -48,7 +52,7 @@ fn control_period(hand: &mut Controller) {
 fn main() -> ! {
     let (mut framer, mut deframer) = (Framer::default(), Deframer::default());
     let (mut buffer, mut wire) = ([0; MESSAGE_MAX], [0; FRAME_MAX]);
-    let mut hand = Controller::new(Identity { board: "none", period_us: 125 });
+    let mut hand = Controller::new(Identity { board: "none", period_us: 125, has_storage: true });
     loop {
         let mut bytes: &[u8] = black_box(&[0; 64][..]);
         while let Some(frame) = deframer.receive(&mut bytes) {

@@ -9,6 +9,9 @@ use core::fmt::{self, Write};
 use core::panic::PanicInfo;
 
 use cortex_m_semihosting::{nr, syscall, syscall1};
+use embedded_storage_async::nor_flash::{
+    ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash,
+};
 use protocol::bench::{FromBoard, ToBoard};
 
 use crate::figures::Counter;
@@ -110,6 +113,95 @@ fn write(handle: usize, bytes: &[u8]) -> fmt::Result {
 impl Write for Console {
     fn write_str(&mut self, text: &str) -> fmt::Result {
         write(self.0, text.as_bytes())
+    }
+}
+
+/// A flash as that of an STM32G474 in a file of the host's, in the folder in which QEMU was started: it outlasts the image.
+#[derive(Debug)]
+pub struct FileFlash(usize);
+
+/// The file did not do what it was asked.
+#[derive(Debug)]
+pub struct FileError;
+
+impl FileFlash {
+    const PAGES: usize = 4;
+
+    /// Opens the file, or makes one, erased.
+    #[must_use]
+    pub fn open() -> Option<Self> {
+        const NONE: usize = usize::MAX;
+        const NAME: &CStr = c"flash";
+        let there = open(NAME, nr::open::RW_BINARY);
+        if there != NONE {
+            return Some(Self(there));
+        }
+        let made = open(NAME, nr::open::RW_TRUNC_BINARY);
+        if made == NONE {
+            return None;
+        }
+        let mut flash = Self(made);
+        flash.fill(0, Self::PAGES * Self::ERASE_SIZE).ok()?;
+        Some(flash)
+    }
+
+    fn seek(&mut self, offset: usize) -> Result<(), FileError> {
+        let block = [self.0, offset];
+        // SAFETY: SYS_SEEK reads the block.
+        match unsafe { syscall(nr::SEEK, &block) } {
+            0 => Ok(()),
+            _ => Err(FileError),
+        }
+    }
+
+    fn fill(&mut self, offset: usize, len: usize) -> Result<(), FileError> {
+        self.seek(offset)?;
+        for _ in 0..len / Self::WRITE_SIZE {
+            write(self.0, &[0xff; Self::WRITE_SIZE]).map_err(|_| FileError)?;
+        }
+        Ok(())
+    }
+}
+
+impl NorFlashError for FileError {
+    fn kind(&self) -> NorFlashErrorKind {
+        NorFlashErrorKind::Other
+    }
+}
+
+impl ErrorType for FileFlash {
+    type Error = FileError;
+}
+
+impl ReadNorFlash for FileFlash {
+    const READ_SIZE: usize = 1;
+
+    async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), FileError> {
+        self.seek(offset as usize)?;
+        let block = [self.0, bytes.as_mut_ptr() as usize, bytes.len()];
+        // SAFETY: SYS_READ writes at most so many bytes there, which outlive the call.
+        match unsafe { syscall(nr::READ, &block) } {
+            0 => Ok(()),
+            _ => Err(FileError),
+        }
+    }
+
+    fn capacity(&self) -> usize {
+        Self::PAGES * Self::ERASE_SIZE
+    }
+}
+
+impl NorFlash for FileFlash {
+    const WRITE_SIZE: usize = 8;
+    const ERASE_SIZE: usize = 2048;
+
+    async fn erase(&mut self, from: u32, to: u32) -> Result<(), FileError> {
+        self.fill(from as usize, to.saturating_sub(from) as usize)
+    }
+
+    async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), FileError> {
+        self.seek(offset as usize)?;
+        write(self.0, bytes).map_err(|_| FileError)
     }
 }
 

@@ -59,12 +59,18 @@ pub struct InfoArgs {
 /// Arguments of `hand params`.
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend hand params --link qemu\n  prehend hand params bus.hold=12000 torque.gain=0.4 --link serial:/dev/ttyUSB0"
+    after_help = "Examples:\n  prehend hand params --link qemu\n  prehend hand params bus.hold=12000 torque.gain=0.4 --save --link serial:/dev/ttyUSB0"
 )]
 pub struct ParamsArgs {
     /// Parameters to show, or to change; all by default
     #[arg(value_name = "NAME[=VALUE]")]
     pub parameters: Vec<String>,
+    /// Put all parameters to their defaults first
+    #[arg(long)]
+    pub defaults: bool,
+    /// Then have the hand keep them beyond its power supply
+    #[arg(long)]
+    pub save: bool,
     #[command(flatten)]
     link: LinkArgs,
 }
@@ -159,17 +165,22 @@ fn params(args: &ParamsArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         }
         shown.push(parameter.index);
     }
+    if args.defaults {
+        hand.default_parameters()?;
+    }
     for (index, value) in changes {
         let name = all.get(usize::from(index)).map_or("", |parameter| &parameter.name);
         hand.set_parameter(index, value).with_context(|| name.to_owned())?;
     }
-    let shown: Vec<Parameter> = if shown.is_empty() {
-        all
-    } else {
-        hand.parameters()?.into_iter().filter(|parameter| shown.contains(&parameter.index)).collect()
-    };
+    if args.save {
+        hand.save_parameters()?;
+    }
+    let mut now = hand.parameters()?;
+    if !shown.is_empty() {
+        now.retain(|parameter| shown.contains(&parameter.index));
+    }
     if args.link.json {
-        let list = shown.iter().map(|parameter| {
+        let list = now.iter().map(|parameter| {
             json!({
                 "name": parameter.name,
                 "unit": parameter.unit,
@@ -181,7 +192,7 @@ fn params(args: &ParamsArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         });
         write_json(out, &json!({ "parameters": list.collect::<Vec<_>>() }))?;
     } else {
-        for Parameter { name, unit, value, default, range, .. } in &shown {
+        for Parameter { name, unit, value, default, range, .. } in &now {
             let [value, default, min, max] = [*value, *default, range[0], range[1]].map(text);
             writeln!(out, "{name:<24} {value:>10} {unit:<10} (default {default}, {min} to {max})")?;
         }

@@ -210,15 +210,28 @@ impl HandClient {
         self.call(Call::ParameterSet { index, value }, read_value)
     }
 
+    /// Keeps the parameters as they are beyond the power supply.
+    ///
+    /// # Errors
+    /// Those of [`Self::call`]: the hand refuses while a drive has torque, and where the board has no flash for it.
+    pub fn save_parameters(&mut self) -> Result<(), ClientError> {
+        self.call(Call::ParameterSave, read_done)
+    }
+
+    /// Puts all parameters to their defaults; what is kept stays.
+    ///
+    /// # Errors
+    /// Those of [`Self::call`]: the hand refuses while a drive has torque.
+    pub fn default_parameters(&mut self) -> Result<(), ClientError> {
+        self.call(Call::ParameterDefaults, read_done)
+    }
+
     /// Takes the present readings of these joints' strain gauges as zero.
     ///
     /// # Errors
     /// Those of [`Self::call`]: the hand refuses while a drive has torque, and what is a load.
     pub fn zero(&mut self, joints: JointSet) -> Result<(), ClientError> {
-        self.call(Call::SensorZero { joints: joints.bits() }, |answer| match answer {
-            Answer::Done => Some(()),
-            _ => None,
-        })
+        self.call(Call::SensorZero { joints: joints.bits() }, read_done)
     }
 
     /// What is in the black box.
@@ -242,6 +255,10 @@ impl HandClient {
             _ => None,
         })
     }
+}
+
+fn read_done(answer: &Answer<'_>) -> Option<()> {
+    matches!(answer, Answer::Done).then_some(())
 }
 
 fn read_value(answer: &Answer<'_>) -> Option<Value> {

@@ -29,7 +29,7 @@ impl Hand {
         let stop = Arc::new(AtomicBool::new(false));
         let stopped = Arc::clone(&stop);
         let thread = thread::spawn(move || {
-            let mut hand = Controller::new(Identity { board: "test", period_us: 1000 });
+            let mut hand = Controller::new(Identity { board: "test", period_us: 1000, has_storage: true });
             let mut sensors = Sensors {
                 position_rad: [0.2; JOINT_COUNT],
                 joint_torque_nm: [0.05; JOINT_COUNT],
@@ -46,6 +46,9 @@ impl Hand {
                 now_us = now_us.wrapping_add(1000);
                 hand.tick(now_us, &sensors);
                 hand.serve();
+                if hand.take_save().is_some() {
+                    hand.saved(true);
+                }
             }
         });
         Self { stop, thread: Some(thread) }
@@ -141,6 +144,9 @@ fn parameters_are_shown_changed_and_refused() {
     assert_eq!(value(&changed, "torque.gain"), Some(0.4.into()));
     assert_eq!(value(&changed, "bus.hold"), Some(12_000.into()));
     assert_eq!(value(&call("bus.hold").ends_with(0).json(), "bus.hold"), Some(12_000.into()), "it stays");
+    call("--save").ends_with(0);
+    let defaults = call("bus.hold --defaults").ends_with(0).json();
+    assert_eq!(value(&defaults, "bus.hold"), Some(10_000.into()));
     for (words, says) in [
         ("torque.gain=9", "torque.gain: the hand refuses: the value is out of range (number 7)"),
         ("torque.gain=soft", "torque.gain: \"soft\" is no number"),

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::tests::assert_golden_text;
 
-const CALLS: [Call; 8] = [
+const CALLS: [Call; 10] = [
     Call::Hello,
     Call::ParameterInfo { index: 1 },
     Call::ParameterGet { index: 300 },
@@ -18,6 +18,8 @@ const CALLS: [Call; 8] = [
     Call::BlackBox,
     Call::BlackBoxRead { index: 99 },
     Call::Link,
+    Call::ParameterSave,
+    Call::ParameterDefaults,
 ];
 
 const FIRST_FAULT: FirstFault = FirstFault { code: Code(36), finger: Some(2), t_us: 0x0102_0304 };

@@ -5,7 +5,8 @@
 
 use std::fs::{File, OpenOptions};
 use std::io::{self, Read, Write};
-use std::path::Path;
+use std::os::unix::fs::symlink;
+use std::path::{self, Path};
 use std::process::{Command, ExitStatus};
 use std::sync::mpsc::{self, Receiver};
 use std::thread;
@@ -51,7 +52,7 @@ pub struct Lockstep {
     from_board: Receiver<io::Result<Box<[u8; FromBoard::LEN]>>>,
     stderr: Receiver<io::Result<String>>,
     /// Holds the pipes until the end.
-    _folder: TempDir,
+    _pipes: TempDir,
 }
 
 fn ended(status: Option<ExitStatus>) -> String {
@@ -63,13 +64,27 @@ fn failed(what: &'static str) -> impl FnOnce(io::Error) -> LockstepError {
 }
 
 impl Lockstep {
-    /// Starts the image `elf` on QEMU's mps2-an386.
+    /// Starts the image `elf` on QEMU's mps2-an386, with a flash that is empty.
     ///
     /// # Errors
     ///
     /// The pipes cannot be made, the emulator does not start.
     pub fn start(elf: &Path) -> Result<Self, LockstepError> {
+        Self::start_with_flash(elf, None)
+    }
+
+    /// The same with the flash of a run before, in the file `flash`, which is made if it is not there.
+    ///
+    /// # Errors
+    ///
+    /// Those of [`Self::start`].
+    pub fn start_with_flash(elf: &Path, flash: Option<&Path>) -> Result<Self, LockstepError> {
+        let elf = &path::absolute(elf).map_err(failed("finding the image"))?;
         let folder = TempDir::new().map_err(failed("making a folder for pipes"))?;
+        if let Some(flash) = flash {
+            let flash = path::absolute(flash).map_err(failed("finding the flash"))?;
+            symlink(flash, folder.path().join("flash")).map_err(failed("linking the flash"))?;
+        }
         let pipe = |name: &str| -> io::Result<File> {
             let path = folder.path().join(name);
             let made = Command::new("mkfifo").arg(&path).status()?;
@@ -101,7 +116,7 @@ impl Lockstep {
                 }
             }
         });
-        Ok(Self { running: Running(child), to_board: Some(to_board), from_board, stderr, _folder: folder })
+        Ok(Self { running: Running(child), to_board: Some(to_board), from_board, stderr, _pipes: folder })
     }
 
     /// One control period.
