@@ -3,6 +3,7 @@
 //! Inscribed, not circumscribed: a fingertip that is thought larger than it is would stop before it touches.
 
 use nalgebra::{Matrix3, Point3, SymmetricEigen, Vector3};
+use parry3d_f64::math::Vector as ParryVector;
 use parry3d_f64::query::PointQuery;
 use parry3d_f64::shape::TriMesh;
 
@@ -29,7 +30,8 @@ pub(super) fn balls_in(mesh: &Mesh, spacing: f64) -> Fit {
     let (low, high) = extent(mesh, &axes[0]);
     let across_m = [1, 2].map(|i| extent(mesh, &axes[i])).map(|(low, high)| high - low);
     let half_thin_m = 0.5 * across_m[0].min(across_m[1]).min(high - low);
-    let surface = TriMesh::new(mesh.vertices().to_vec(), mesh.faces().to_vec()).ok();
+    let vertices = mesh.vertices().iter().map(|p| ParryVector::new(p.x, p.y, p.z)).collect();
+    let surface = TriMesh::new(vertices, mesh.faces().to_vec()).ok();
     let mut stations: Vec<(f64, Ball)> = Vec::new();
     if let Some(surface) = &surface {
         for k in 0..STATIONS {
@@ -94,7 +96,10 @@ fn inscribed(
     if winding_number(mesh, &center).abs() < 0.5 {
         return None;
     }
-    let nearest = |at: &Point3<f64>| surface.project_local_point(at, false).point;
+    let nearest = |at: &Point3<f64>| {
+        let point = surface.project_local_point(ParryVector::new(at.x, at.y, at.z), false).point;
+        Point3::new(point.x, point.y, point.z)
+    };
     let radius = |at: &Point3<f64>| (at - nearest(at)).norm();
     let mut radius_m = radius(&center);
     let mut step_m = 0.25 * half_thin_m;
