@@ -21,6 +21,7 @@ use crate::grasp::Contact;
 use crate::io::{Unit, read_mesh, write_atomically, write_cloud, write_mesh};
 use crate::object::Object;
 use crate::plan::scene::Scene;
+use crate::plan::seen::SeenSurface;
 use crate::scan::Instrument;
 use crate::surface::Mesh;
 use crate::view::picture::Picture;
@@ -114,7 +115,8 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     reconstruct_command::describe(&surface, &mut report)?;
 
     let clock = Instant::now();
-    let (scene, planned) = plan(args, &object, mesh)?;
+    let seen = SeenSurface::of_cloud(&scan.cloud.points, surface.report.spacing_m);
+    let (scene, planned) = plan(args, &object, mesh, seen)?;
     let document = &planned.document;
     write_atomically(&file("plan.json"), |writer| {
         serde_json::to_writer_pretty(&mut *writer, document)?;
@@ -178,12 +180,12 @@ fn verdict(execution: Option<&Execution>) -> &'static str {
     execution.map_or("no-force-closure", |execution| execution.verdict.name())
 }
 
-fn plan(args: &DemoArgs, object: &Object, mesh: Mesh) -> anyhow::Result<(Scene, Planned)> {
+fn plan(args: &DemoArgs, object: &Object, mesh: Mesh, seen: SeenSurface) -> anyhow::Result<(Scene, Planned)> {
     let search =
         Search { strategy: args.strategy, friction: args.friction, mass_kg: object.mass_kg, seed: args.seed };
     let progress = bar(args.strategy.default_attempts(), "attempts");
     // The document names what it was planned on: the mesh beside it.
-    let found = search.run(mesh, "mesh.stl", 10, &|done| progress.set_position(done as u64))?;
+    let found = search.run(mesh, seen, "mesh.stl", 10, &|done| progress.set_position(done as u64))?;
     progress.finish_and_clear();
     Ok(found)
 }

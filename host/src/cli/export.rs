@@ -38,6 +38,9 @@ pub struct ExportArgs {
     /// Unit of the planned mesh's file: m or mm; scenes only
     #[arg(long, default_value = "m", value_parser = input::unit)]
     pub unit: Unit,
+    /// File of the arm that was planned with, if it is not the RX60
+    #[arg(long, value_name = "FILE.toml")]
+    pub arm: Option<PathBuf>,
     /// File to write, or - for standard output
     #[arg(short, long, value_name = "FILE")]
     pub output: PathBuf,
@@ -52,7 +55,7 @@ pub enum ExportFormat {
     Moveit,
     /// The hand
     Urdf,
-    /// The RX60 with the hand
+    /// The arm with the hand
     UrdfArm,
     /// MuJoCo scene: hand, object, keyframes
     Mjcf,
@@ -82,7 +85,7 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
             "a robot description shows no grasp: leave out --grasp and --all"
         );
         return Ok(match args.format {
-            ExportFormat::UrdfArm => urdf::arm_with_hand(&Arm::rx60(), &hand),
+            ExportFormat::UrdfArm => urdf::arm_with_hand(&arm(args, &document)?, &hand),
             _ => urdf::hand(&hand),
         });
     }
@@ -90,7 +93,7 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
     match (args.format, grasps.as_slice()) {
         (ExportFormat::Moveit, _) => {
             let palm_from_parent = match &document.arm {
-                Some(_) => Arm::rx60().flange_from_palm().inverse(),
+                Some(_) => arm(args, &document)?.flange_from_palm().inverse(),
                 None => Isometry3::identity(),
             };
             Ok(moveit::yaml(&hand, &palm_from_parent, &document.object.source, &grasps))
@@ -113,6 +116,19 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
         }
         _ => Ok(isaac::yaml(&document.object.source, &grasps)),
     }
+}
+
+/// The arm that was planned with; without one in the plan, the one that is asked for.
+fn arm(args: &ExportArgs, document: &PlanDocument) -> anyhow::Result<Arm> {
+    let arm = match &args.arm {
+        Some(path) => input::arm(path)?,
+        None => Arm::rx60(),
+    };
+    if let Some(planned) = &document.arm {
+        let name = &arm.params().name;
+        ensure!(name == planned, "the plan is for the arm {planned:?}, not {name:?}: give its file by --arm");
+    }
+    Ok(arm)
 }
 
 /// The grasps that were asked for.

@@ -3,11 +3,12 @@
 use std::io::Write;
 use std::path::Path;
 
-use anyhow::{Context, bail};
+use anyhow::{Context, bail, ensure};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use crate::io::{Unit, read_mesh};
 use crate::object::{BuiltIn, Object};
+use crate::plan::arm::Arm;
 use crate::surface::Mesh;
 
 /// Height of the virtual cell's table in the base frame, metres.
@@ -43,13 +44,37 @@ pub(super) fn not_negative(text: &str) -> Result<f64, String> {
 
 /// Three numbers separated by commas.
 pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
-    let wrong = || "give three numbers separated by commas".to_owned();
-    let numbers: Vec<f64> =
-        text.split(',').map(|part| part.trim().parse().map_err(|_| wrong())).collect::<Result<_, _>>()?;
-    match numbers.as_slice() {
-        &[x, y, z] if numbers.iter().all(|n| n.is_finite()) => Ok([x, y, z]),
-        _ => Err(wrong()),
-    }
+    numbers(text).ok_or_else(|| "give three numbers separated by commas".to_owned())
+}
+
+/// Six numbers separated by commas.
+pub(super) fn six(text: &str) -> Result<[f64; 6], String> {
+    numbers(text).ok_or_else(|| "give six numbers separated by commas".to_owned())
+}
+
+/// `N` finite numbers separated by commas.
+fn numbers<const N: usize>(text: &str) -> Option<[f64; N]> {
+    let numbers: Vec<f64> = text.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
+    numbers.iter().all(|n| n.is_finite()).then_some(())?;
+    numbers.try_into().ok()
+}
+
+/// Largest description of an arm that is read, bytes.
+const MAX_ARM_BYTES: u64 = 1 << 20;
+
+/// The arm that a TOML file describes.
+pub(super) fn arm(path: &Path) -> anyhow::Result<Arm> {
+    let name = || path.display().to_string();
+    let metadata = std::fs::metadata(path).with_context(name)?;
+    ensure!(metadata.is_file(), "{}: not a file", path.display());
+    ensure!(
+        metadata.len() <= MAX_ARM_BYTES,
+        "{}: {} bytes are more than an arm has",
+        path.display(),
+        metadata.len()
+    );
+    let text = std::fs::read_to_string(path).with_context(name)?;
+    Arm::from_toml(&text).with_context(name)
 }
 
 /// A built-in object by its name, or a mesh file, with its warnings printed to stderr.

@@ -10,6 +10,7 @@ use crate::object::Object;
 use crate::plan::arm::Arm;
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
+use crate::plan::seen::SeenSurface;
 use crate::surface::{
     Mesh, Plane, PointCloud, ReconstructError, Reconstruction, Settings as ReconstructSettings, Table,
     reconstruct,
@@ -37,10 +38,11 @@ pub(super) struct Search {
 impl Search {
     /// Searches and keeps at most `top` grasps that the arm can also make.
     ///
-    /// `mesh` is in the base frame, as scans are; `source` names it in the document.
+    /// `mesh` is in the base frame, as scans are, `seen` what of it was measured; `source` names it in the document.
     pub(super) fn run(
         &self,
         mesh: Mesh,
+        seen: SeenSurface,
         source: &str,
         top: usize,
         progress: &dyn Fn(usize),
@@ -48,14 +50,20 @@ impl Search {
         let mut scene = Scene::new(mesh, Isometry3::identity(), Some(TABLE_HEIGHT_M), Some(Arm::rx60()))
             .context("planning on the reconstructed surface")?;
         scene.friction = self.friction;
+        scene.seen = Some(seen);
         let settings = SearchSettings {
             attempts: self.strategy.default_attempts(),
             seed: self.seed,
             ..Default::default()
         };
         let object = Object::new(source, scene.mesh.clone(), self.mass_kg, self.friction);
-        let planner =
-            Planner { scene: &scene, object: &object, strategy: self.strategy, settings: &settings };
+        let planner = Planner {
+            scene: &scene,
+            object: &object,
+            strategy: self.strategy,
+            settings: &settings,
+            start_rad: None,
+        };
         let planned = planner.plan(top, progress);
         Ok((scene, planned))
     }

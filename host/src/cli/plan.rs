@@ -15,9 +15,10 @@ use super::progress::{bar, spinner};
 use super::{Outcome, reconstruct as reconstruct_command, write_json};
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::object::{BuiltIn, Object};
-use crate::plan::arm::Arm;
+use crate::plan::arm::{Arm, Joints, LimitCheck};
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
+use crate::plan::seen::SeenSurface;
 use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
 
 /// Plan force-closure grasps on a mesh or a cloud
@@ -51,9 +52,13 @@ pub struct PlanArgs {
     /// Hand to plan for
     #[arg(long, value_enum, default_value_t)]
     pub hand: HandChoice,
-    /// Arm that carries it, or none to plan for the hand alone
-    #[arg(long, value_enum, default_value_t)]
+    /// Arm that carries it: rx60 (Stäubli), a file that describes another (docs/arms.md), or none to plan for the hand
+    /// alone
+    #[arg(long, value_name = "rx60|FILE.toml|none", default_value = "rx60", value_parser = arm_choice)]
     pub arm: ArmChoice,
+    /// Where the arm starts: angles of its six joints in degrees; by default its rest posture
+    #[arg(long, value_name = "Q1,..,Q6", value_parser = input::six, allow_hyphen_values = true)]
+    pub start: Option<[f64; 6]>,
     /// Height of the table's top in the base frame in metres, or none
     #[arg(long, value_name = "Z|none", default_value = "0", value_parser = table, allow_hyphen_values = true)]
     pub table: TableChoice,
@@ -120,23 +125,33 @@ pub enum HandChoice {
 }
 
 /// Which arm carries the hand, `--arm`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
+#[derive(Debug, Clone, PartialEq, Eq)]
 pub enum ArmChoice {
-    /// Stäubli RX60
-    #[default]
+    /// Stäubli RX60.
     Rx60,
-    /// The hand alone
+    /// The arm that a file describes.
+    File(PathBuf),
+    /// The hand alone.
     None,
 }
 
 impl ArmChoice {
-    /// The arm that the word stands for.
-    #[must_use]
-    pub fn arm(self) -> Option<Arm> {
+    /// The arm that the word stands for. Errors when a file describes none.
+    pub fn arm(&self) -> anyhow::Result<Option<Arm>> {
         match self {
-            Self::Rx60 => Some(Arm::rx60()),
-            Self::None => None,
+            Self::Rx60 => Ok(Some(Arm::rx60())),
+            Self::File(path) => input::arm(path).map(Some),
+            Self::None => Ok(None),
         }
+    }
+}
+
+fn arm_choice(text: &str) -> Result<ArmChoice, String> {
+    match text {
+        "rx60" => Ok(ArmChoice::Rx60),
+        "none" => Ok(ArmChoice::None),
+        file if file.ends_with(".toml") => Ok(ArmChoice::File(file.into())),
+        _ => Err("give rx60, none, or a file FILE.toml".to_owned()),
     }
 }
 
@@ -186,12 +201,15 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let start = Instant::now();
     let mut human: Vec<u8> = Vec::new();
-    let Input { object, table_normal } = read_input(args, &mut human)?;
+    let arm = args.arm.arm()?;
+    let Input { object, table_normal, seen } = read_input(args, &mut human)?;
     let (base_from_object, placing) = place(args, &object.mesh, table_normal)?;
     let table_height_m = args.table.height_m();
-    let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, args.arm.arm())
+    let start_rad = checked_start(args.start, arm.as_ref())?;
+    let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, arm)
         .with_context(|| format!("planning on {}", args.input))?;
     scene.friction = args.friction;
+    scene.seen = seen;
     let settings = SearchSettings {
         attempts: args.attempts.map_or(args.strategy.default_attempts(), |n| n as usize),
         threshold: args.threshold,
@@ -199,7 +217,8 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         ranked: if args.all { usize::MAX } else { args.top as usize },
     };
     let progress = bar(settings.attempts, "attempts");
-    let planner = Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings };
+    let planner =
+        Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings, start_rad };
     let top = if args.all { usize::MAX } else { args.top as usize };
     let planned = planner.plan(top, &|done| progress.set_position(done as u64));
     progress.finish_and_clear();
@@ -224,6 +243,19 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
 }
 
+/// The joint angles that were given in degrees, inside the arm's limits.
+fn checked_start(given_deg: Option<[f64; 6]>, arm: Option<&Arm>) -> anyhow::Result<Option<Joints>> {
+    let Some(degrees) = given_deg else { return Ok(None) };
+    let arm = arm.context("--start: there is no arm to start")?;
+    let start_rad = degrees.map(f64::to_radians);
+    if let LimitCheck::Outside { axis, .. } = arm.limits().check(&start_rad) {
+        let [lower, upper] =
+            [arm.limits().lower_rad, arm.limits().upper_rad].map(|limits| limits[axis - 1].to_degrees());
+        anyhow::bail!("--start: axis {axis} is at {} degrees, outside {lower} to {upper}", degrees[axis - 1]);
+    }
+    Ok(Some(start_rad))
+}
+
 fn summary(args: &PlanArgs, planned: &Planned, total_s: f64) -> serde_json::Value {
     let document = &planned.document;
     json!({
@@ -246,17 +278,19 @@ struct Input {
     object: Object,
     /// Normal of the table that was found in a cloud, in the file's frame.
     table_normal: Option<Vector3<f64>>,
+    /// What of the surface a cloud has points of.
+    seen: Option<SeenSurface>,
 }
 
 /// Reads mesh, cloud or built-in object; a cloud is reconstructed and completed first, which is described in `human`.
 fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
     if BuiltIn::ALL.iter().any(|b| b.name() == args.input) {
         let object = input::object(&args.input, args.unit, args.mass, args.friction)?;
-        return Ok(Input { object, table_normal: None });
+        return Ok(Input { object, table_normal: None, seen: None });
     }
     let loaded = read_geometry(args.input.as_ref(), args.unit)?;
     input::warn(&args.input, &loaded.warnings);
-    let mut table_normal = None;
+    let (mut table_normal, mut seen) = (None, None);
     let mesh = match loaded.value {
         Geometry::Mesh(mesh) => mesh,
         Geometry::Cloud(cloud) => {
@@ -272,11 +306,12 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
             waiting.finish_and_clear();
             reconstruct_command::describe(&result, human)?;
             table_normal = result.report.table.map(|table| table.normal.into_inner());
+            seen = Some(SeenSurface::of_cloud(&cloud.points, result.report.spacing_m));
             result.mesh
         }
     };
     let mass_kg = args.mass.unwrap_or(input::ASSUMED_MASS_KG);
-    Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal })
+    Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal, seen })
 }
 
 /// Pose of the mesh's frame in the base frame, and a line that says how it was chosen.

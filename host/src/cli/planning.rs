@@ -6,6 +6,7 @@ use std::time::Instant;
 
 use nalgebra::Vector3;
 use protocol::ids::FINGER_COUNT;
+use rayon::prelude::*;
 
 use super::plan::Strategy;
 use crate::exec::{
@@ -13,14 +14,16 @@ use crate::exec::{
     squeeze_targets,
 };
 use crate::grasp::Convention;
-use crate::hand::{Posture, hit_dlr};
+use crate::hand::{Hand, Posture, hit_dlr};
 use crate::object::Object;
+use crate::plan::arm::Joints;
 use crate::plan::attempt::{Grasp, Rejection, palm_sites};
 use crate::plan::document::{
-    ContactInfo, FORMAT, GraspInfo, HandInfo, ObjectInfo, PlanDocument, QualityInfo, SettingsInfo, VERSION,
-    array, frames, mesh_hash, posture,
+    ContactInfo, FORMAT, FingerKnotInfo, FingerMotionInfo, GraspInfo, HandInfo, ObjectInfo, PlanDocument,
+    QualityInfo, SettingsInfo, VERSION, array, frames, mesh_hash, posture,
 };
-use crate::plan::motion::{MotionRequest, arm_motion};
+use crate::plan::finger_motion::touch_together;
+use crate::plan::motion::{MotionError, MotionRequest, arm_motion};
 use crate::plan::scene::Scene;
 use crate::plan::search::{SearchResult, SearchSettings};
 use crate::plan::{best, paper};
@@ -35,12 +38,17 @@ const GRIP_SAFETY: f64 = 3.0;
 /// the tips give 10 continuously.
 const FINGER_FORCE_N: [f64; 2] = [1.5, 6.0];
 
+/// Reasons against the arm's way that are told, the most frequent ones.
+const REASONS_TOLD: usize = 3;
+
 /// A search to be made.
 pub(super) struct Planner<'a> {
     pub(super) scene: &'a Scene,
     pub(super) object: &'a Object,
     pub(super) strategy: Strategy,
     pub(super) settings: &'a SearchSettings,
+    /// Where the arm starts; `None` is its rest posture.
+    pub(super) start_rad: Option<Joints>,
 }
 
 /// A plan and what it took.
@@ -51,6 +59,24 @@ pub(super) struct Planned {
     pub(super) search_s: f64,
     attempts_to_threshold: Option<usize>,
     threshold: f64,
+    /// Why the arm could not make grasps, with how many, in words.
+    no_arm_motion: BTreeMap<String, usize>,
+}
+
+/// Why a grasp is not written.
+enum Unwritten {
+    NoArmMotion(MotionError),
+    NoBalancedGrip,
+}
+
+impl Unwritten {
+    /// Key in the plan document.
+    fn name(&self) -> &'static str {
+        match self {
+            Self::NoArmMotion(_) => "no-arm-motion",
+            Self::NoBalancedGrip => "no-balanced-grip",
+        }
+    }
 }
 
 impl Planner<'_> {
@@ -69,16 +95,26 @@ impl Planner<'_> {
             .map(|(reason, count)| (reason.name().to_owned(), count))
             .collect();
         let (mut infos, mut grasps) = (Vec::new(), Vec::new());
-        for grasp in &result.grasps {
-            if infos.len() >= top {
-                break;
-            }
-            match self.grasp_info(grasp) {
-                Ok(info) => {
-                    infos.push(info);
-                    grasps.push(grasp.clone());
+        let mut no_arm_motion: BTreeMap<String, usize> = BTreeMap::new();
+        let mut left = result.grasps.as_slice();
+        // As many at a time as may still be written: the outcome is that of one after the other.
+        while infos.len() < top && !left.is_empty() {
+            let (now, later) = left.split_at(left.len().min(top - infos.len()));
+            left = later;
+            let outcomes: Vec<_> = now.par_iter().map(|grasp| self.grasp_info(grasp)).collect();
+            for (grasp, outcome) in now.iter().zip(outcomes) {
+                match outcome {
+                    Ok(info) => {
+                        infos.push(info);
+                        grasps.push(grasp.clone());
+                    }
+                    Err(reason) => {
+                        *rejected.entry(reason.name().to_owned()).or_default() += 1;
+                        if let Unwritten::NoArmMotion(error) = reason {
+                            *no_arm_motion.entry(error.to_string()).or_default() += 1;
+                        }
+                    }
                 }
-                Err(reason) => *rejected.entry(reason.to_owned()).or_default() += 1,
             }
         }
         Planned {
@@ -87,6 +123,7 @@ impl Planner<'_> {
             search_s,
             attempts_to_threshold: result.attempts_to_threshold,
             threshold: self.settings.threshold,
+            no_arm_motion,
         }
     }
 
@@ -129,8 +166,8 @@ impl Planner<'_> {
         }
     }
 
-    /// Adds the arm's way and the squeeze. Errors with the reason, in the words of the rejection counts.
-    fn grasp_info(&self, grasp: &Grasp) -> Result<GraspInfo, &'static str> {
+    /// Adds the ways of arm and fingers and the squeeze.
+    fn grasp_info(&self, grasp: &Grasp) -> Result<GraspInfo, Unwritten> {
         let scene = self.scene;
         let arm_motion = match &scene.arm {
             Some(arm) => {
@@ -139,17 +176,14 @@ impl Planner<'_> {
                     open: &grasp.pregrasp,
                     closed: &grasp.grasp,
                     object_kg: self.object.mass_kg,
-                    start_rad: arm.params().rest_rad,
+                    start_rad: self.start_rad.unwrap_or(arm.params().rest_rad),
                     seed: self.settings.seed,
                 };
-                Some(arm_motion(scene, arm, &request).map_err(|error| {
-                    eprintln!("{error}");
-                    "no-arm-motion"
-                })?)
+                Some(arm_motion(scene, arm, &request).map_err(Unwritten::NoArmMotion)?)
             }
             None => None,
         };
-        let (squeeze, forces) = self.squeeze(grasp).ok_or("no-balanced-grip")?;
+        let (squeeze, forces) = self.squeeze(grasp).ok_or(Unwritten::NoBalancedGrip)?;
         let [approach, site, lift] = palm_sites(scene, &grasp.site);
         let quality = &grasp.quality;
         let contacts = grasp.contacts.iter().zip(&forces).map(|(touch, force)| ContactInfo {
@@ -179,6 +213,7 @@ impl Planner<'_> {
             pregrasp: posture(&scene.hand, &grasp.pregrasp),
             grasp: posture(&scene.hand, &grasp.grasp),
             squeeze: posture(&scene.hand, &squeeze),
+            finger_motion: finger_motion(&scene.hand, &grasp.pregrasp, &grasp.grasp),
             contacts: contacts.collect(),
             arm_motion,
         })
@@ -193,6 +228,7 @@ impl Planner<'_> {
             .map(|touch| GripContact {
                 point: touch.contact.point_in_object(),
                 inward_normal: touch.contact.inward_normal_in_object(),
+                friction: touch.contact.friction(),
             })
             .collect();
         // The weight hangs on friction: the sum of normal forces times mu carries it.
@@ -202,8 +238,8 @@ impl Planner<'_> {
         let is_precise = !scene.hand.candidates[grasp.candidate].wraps;
         let least_share = if is_precise { LEAST_TIP_SHARE } else { 0.0 };
         let forces = [SQUEEZE_CONE_SHARE, 1.0]
-            .iter()
-            .find_map(|share| balanced_forces(&contacts, share * scene.friction, grip_n, least_share).ok())?;
+            .into_iter()
+            .find_map(|cone_share| balanced_forces(&contacts, cone_share, grip_n, least_share).ok())?;
         let palm_from_object = grasp.site.object_from_palm.inverse();
         let squeeze = match &scene.hand.model {
             // The firmware's thumb presses by Cartesian impedance.
@@ -239,6 +275,22 @@ impl Planner<'_> {
     }
 }
 
+/// From open to touching, all fingers arriving together; `None` for a hand without speeds.
+fn finger_motion(hand: &Hand, open: &Posture, closed: &Posture) -> Option<FingerMotionInfo> {
+    let count = hand.joints.len();
+    let speeds: Vec<f64> = hand.joints.iter().map(|joint| joint.speed_max_rad_per_s).collect();
+    let motion = touch_together(&open.0[..count], &closed.0[..count], &speeds).ok()?;
+    let named = |values: &[f64]| {
+        hand.joints.iter().zip(values).map(|(joint, &value)| (joint.name.clone(), value)).collect()
+    };
+    let knots = motion.knots.iter().map(|knot| FingerKnotInfo {
+        t_s: knot.t_s,
+        q_rad: named(&knot.q_rad),
+        qd_rad_per_s: named(&knot.qd_rad_per_s),
+    });
+    Some(FingerMotionInfo { contact_s: motion.contact_s, knots: knots.collect() })
+}
+
 impl Planned {
     /// What was found, in lines for people.
     pub(super) fn describe(&self, out: &mut dyn Write) -> std::io::Result<()> {
@@ -256,11 +308,22 @@ impl Planned {
                 document.rejected.iter().map(|(reason, count)| format!("{reason} {count}")).collect();
             writeln!(out, "rejected: {}", reasons.join(", "))?;
         }
+        if !self.no_arm_motion.is_empty() {
+            let mut reasons: Vec<(&String, &usize)> = self.no_arm_motion.iter().collect();
+            reasons.sort_by_key(|(_, count)| std::cmp::Reverse(**count));
+            let told: Vec<String> = reasons
+                .iter()
+                .take(REASONS_TOLD)
+                .map(|(reason, count)| format!("{reason} ({count})"))
+                .collect();
+            let more = if reasons.len() > REASONS_TOLD { "; ..." } else { "" };
+            writeln!(out, "no arm motion: {}{more}", told.join("; "))?;
+        }
         match document.grasps.first() {
             Some(best) => {
                 write!(out, "best: {}, epsilon {:.4}", best.candidate, best.quality.epsilon)?;
                 if let Some(expected) = best.quality.expected_epsilon {
-                    write!(out, ", {expected:.4} expected under pose errors")?;
+                    write!(out, ", {expected:.4} expected under errors")?;
                 }
                 writeln!(
                     out,

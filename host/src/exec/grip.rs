@@ -24,19 +24,19 @@ pub enum GripError {
     TooFew(usize),
     /// The cones hold no forces that balance.
     #[error(
-        "within friction {friction} the contact forces do not balance: {unbalanced_share} of the grip is left over"
+        "within {cone_share} of the friction the contact forces do not balance: {unbalanced_share} of the grip is left over"
     )]
     Unbalanced {
-        /// The friction that limited the cones.
-        friction: f64,
+        /// Share of each contact's friction that limited its cone.
+        cone_share: f64,
         /// Unbalanced wrench over the summed normal forces.
         unbalanced_share: f64,
     },
-    /// A number is not finite, or the friction or the grip is not positive.
-    #[error("friction {friction} and grip {grip_n} N must be positive numbers, and the contacts finite")]
+    /// A number is not finite, the share or the grip is not positive, or a contact has a negative friction.
+    #[error("share {cone_share} and grip {grip_n} N must be positive numbers, and the contacts finite")]
     NotFinite {
-        /// Friction coefficient.
-        friction: f64,
+        /// Share of each contact's friction.
+        cone_share: f64,
         /// Summed normal forces.
         grip_n: f64,
     },
@@ -49,18 +49,20 @@ pub struct GripContact {
     pub point: Point3<f64>,
     /// Into the object, same frame.
     pub inward_normal: Unit<Vector3<f64>>,
+    /// Coulomb friction coefficient there.
+    pub friction: f64,
 }
 
 /// Forces of the contacts on the object, N, in the contacts' frame and order, that balance each other within cones of
-/// `friction`, with normal forces that sum to `grip_n`. Keep `friction` at half of what is expected, so that the other
-/// half is left for weight and disturbance. Every contact gets `least_share` of the mean normal force: [`LEAST_TIP_SHARE`]
+/// `cone_share` of each contact's friction, with normal forces that sum to `grip_n`. With a half, the other half is left
+/// for weight and disturbance. Every contact gets `least_share` of the mean normal force: [`LEAST_TIP_SHARE`]
 /// where each finger touches once, 0 where links touch that nothing presses by itself.
 ///
 /// # Errors
 /// [`GripError::Unbalanced`] when the contacts do not oppose each other well enough.
 pub fn balanced_forces(
     contacts: &[GripContact],
-    friction: f64,
+    cone_share: f64,
     grip_n: f64,
     least_share: f64,
 ) -> Result<Vec<Vector3<f64>>, GripError> {
@@ -71,8 +73,9 @@ pub fn balanced_forces(
     let positive = |x: f64| x.is_finite() && x > 0.0;
     let finite =
         contacts.iter().all(|c| c.point.coords.iter().chain(c.inward_normal.iter()).all(|x| x.is_finite()));
-    if !(positive(friction) && positive(grip_n) && finite) {
-        return Err(GripError::NotFinite { friction, grip_n });
+    let frictions = contacts.iter().all(|c| c.friction.is_finite() && c.friction >= 0.0);
+    if !(positive(cone_share) && positive(grip_n) && finite && frictions) {
+        return Err(GripError::NotFinite { cone_share, grip_n });
     }
     // 6 x 3n: force, then torque about the middle of the contacts over their mean distance from it.
     let middle = contacts.iter().map(|c| c.point.coords).sum::<Vector3<f64>>() / count as f64;
@@ -84,7 +87,7 @@ pub fn balanced_forces(
         grasp.fixed_view_mut::<3, 3>(0, 3 * i).copy_from(&Matrix3::identity());
         grasp.fixed_view_mut::<3, 3>(3, 3 * i).copy_from(&arm.cross_matrix());
     }
-    let unbalanced = |share| GripError::Unbalanced { friction, unbalanced_share: share };
+    let unbalanced = |share| GripError::Unbalanced { cone_share, unbalanced_share: share };
     let inverse = grasp.clone().pseudo_inverse(1e-9).map_err(|_| unbalanced(1.0))?;
 
     let mean = 1.0 / count as f64;
@@ -97,7 +100,8 @@ pub fn balanced_forces(
         let mut sum = 0.0;
         for (i, contact) in contacts.iter().enumerate() {
             let force = forces.fixed_rows::<3>(3 * i).into_owned();
-            let (inside, normal_n) = into_cone(&force, &contact.inward_normal, friction, least_share * mean);
+            let (inside, normal_n) =
+                into_cone(&force, &contact.inward_normal, cone_share * contact.friction, least_share * mean);
             forces.fixed_rows_mut::<3>(3 * i).copy_from(&inside);
             sum += normal_n;
         }

@@ -5,7 +5,6 @@ mod grip;
 mod monitor;
 mod outcome;
 mod plan;
-mod profile;
 mod run;
 
 pub use grip::{
@@ -15,5 +14,4 @@ pub use grip::{
 pub use monitor::{FeltContact, Monitor, MonitorConfig, Touch, felt_contact};
 pub use outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
 pub use plan::{ExecutionPlan, ExecutionSettings};
-pub use profile::{Progress, rest_to_rest};
 pub use run::{ExecutionError, execute};

@@ -10,8 +10,8 @@ use thiserror::Error;
 use super::monitor::{Monitor, MonitorConfig, Touch};
 use super::outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
 use super::plan::{ExecutionPlan, ExecutionSettings};
-use super::profile::rest_to_rest;
 use crate::link::{Command, Link, LinkError, Report, ThumbLaw, TrueObject};
+use crate::plan::profile::rest_to_rest;
 
 /// Why a plan was not executed to its end.
 #[derive(Debug, Error)]

@@ -36,11 +36,15 @@ pub fn hand(model: &HandModel<f64>) -> String {
 /// The arm's links have no inertia: its maker publishes none.
 #[must_use]
 pub fn arm_with_hand(arm: &Arm, model: &HandModel<f64>) -> String {
+    // A comment must not hold two hyphens.
+    let name = arm.params().name.replace('-', " ");
     let mut text = head(
-        "rx60_hit_dlr",
-        "Staubli RX60 with the HIT/DLR hand. Metres, radians, kilograms. Root base_link: z up along axis 1.\n     \
-         link_6: the flange, z away from the arm; the hand's root palm is fixed to it. The arm's links have no inertia and\n     \
-         its effort limits are none: the maker publishes neither.",
+        "arm_hit_dlr",
+        &format!(
+            "{name} with the HIT/DLR hand. Metres, radians, kilograms. Root base_link: z up along axis 1.\n     \
+             link_6: the flange, z away from the arm; the hand's root palm is fixed to it. The arm's links have no inertia\n     \
+             and its effort limits are none."
+        ),
     );
     text += &link_element(BASE_LINK, None, &arm_solids(arm, 0));
     let frames = arm.link_frames(&[0.0; 6]);

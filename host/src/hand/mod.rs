@@ -104,14 +104,17 @@ impl Hand {
             .all(|(i, joint)| (joint.lower_rad - slack..=joint.upper_rad + slack).contains(&posture[i]))
     }
 
-    /// Least distance of a joint of `posture` from its nearer limit, as a share of its range: 0 at a limit, 0.5 in the
-    /// middle. Joints without a range do not count; 0.5 when there is none with one.
+    /// Least distance of a joint of some fingers from its nearer limit, as a share of its range: 0 at a limit, 0.5 in the
+    /// middle. Joints that are held, which nothing pushes on, and joints without a range do not count; 0.5 when there is
+    /// no other.
     #[must_use]
-    pub fn limit_margin(&self, posture: &Posture) -> f64 {
-        let margins = self.joints.iter().enumerate().filter_map(|(i, joint)| {
+    pub fn limit_margin(&self, posture: &Posture, fingers: impl Iterator<Item = usize>) -> f64 {
+        let joints = fingers.flat_map(|finger| self.fingers[finger].joints().iter().copied());
+        let margins = joints.filter_map(|i| {
+            let joint = &self.joints[i];
             let range = joint.upper_rad - joint.lower_rad;
             let nearer = (posture[i] - joint.lower_rad).min(joint.upper_rad - posture[i]);
-            (range > 1e-9).then(|| nearer / range)
+            (!joint.is_held && range > 1e-9).then(|| nearer / range)
         });
         margins.fold(0.5, f64::min)
     }

@@ -1,6 +1,7 @@
 //! One grasp attempt: place the palm, check reach and collisions, close the fingers, take contacts, evaluate.
 //!
-//! An attempt that fails allocates nothing: its room is the [`AttemptScratch`] of its thread.
+//! An attempt that is refused before it asks the arm last allocates nothing once its room, the [`AttemptScratch`] of its
+//! thread, has grown.
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
@@ -60,7 +61,7 @@ pub struct Robustness {
     pub closure_chance: f64,
     /// Mean epsilon over the samples, lost closure counting as 0.
     pub expected_epsilon: f64,
-    /// Least distance of a joint from its limits, as a share of its range.
+    /// Least distance of a joint of the used fingers from its limits, as a share of its range; held joints do not count.
     pub limit_margin: f64,
     /// Share of the contacts on surface that was measured rather than completed.
     pub seen_share: f64,
@@ -278,7 +279,8 @@ fn touch_with_tips(
     }
     let torsional_m = torsion(candidate);
     for (finger, touch) in closed.touches() {
-        let contact = contact_at(scene, &touch.point_in_object, &touch.inward_normal_in_object, torsional_m)?;
+        let (point, normal) = (&touch.point_in_object, &touch.inward_normal_in_object);
+        let contact = contact_at(scene, point, normal, f64::INFINITY, torsional_m)?;
         touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
     }
     Ok(())
@@ -451,16 +453,22 @@ fn stand_off(
     Some(opened)
 }
 
-fn contact_at(
+/// A contact of the scene's friction, or of `friction_max` where that is less.
+pub(super) fn contact_at(
     scene: &Scene,
     point_in_object: &Point3<f64>,
     inward_normal_in_object: &Unit<Vector3<f64>>,
+    friction_max: f64,
     torsional_m: f64,
 ) -> Result<Contact, Rejection> {
     let contact = || -> Result<Contact, ContactError> {
-        Contact::new(*point_in_object, inward_normal_in_object.into_inner(), scene.friction)?
-            .with_torsion(torsional_m)?
-            .with_max_force(scene.hand.tip_force_max_n)
+        Contact::new(
+            *point_in_object,
+            inward_normal_in_object.into_inner(),
+            scene.friction.min(friction_max),
+        )?
+        .with_torsion(torsional_m)?
+        .with_max_force(scene.hand.tip_force_max_n)
     };
     // Only a friction coefficient that is no number gets here: points and normals are finite.
     contact().map_err(|_| Rejection::Undecided)

@@ -207,10 +207,34 @@ pub struct GraspInfo {
     pub grasp: Posture,
     /// Joint targets behind the surface that make the fingers press.
     pub squeeze: Posture,
+    /// From the pregrasp to the grasp, all fingers arriving together; `null` for a hand that gives no speeds.
+    pub finger_motion: Option<FingerMotionInfo>,
     /// One a finger; in power grasps more, and the palm's.
     pub contacts: Vec<ContactInfo>,
-    /// Way of the arm from the approach site to the grasp site and up; `null` when the hand was planned alone.
+    /// Way of the arm from its start to the approach site, to the grasp site and up; `null` when the hand was planned alone.
     pub arm_motion: Option<ArmMotion>,
+}
+
+/// A motion of the fingers from rest to rest: see [`touch_together`](super::finger_motion::touch_together).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FingerMotionInfo {
+    /// When all fingers touch: time of the last knot, seconds.
+    pub contact_s: f64,
+    /// Cubic between them; the first is at 0 s.
+    pub knots: Vec<FingerKnotInfo>,
+}
+
+/// Where the joints of the hand are, and how fast, at one time.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FingerKnotInfo {
+    /// Time since the start of the motion, seconds.
+    pub t_s: f64,
+    /// Angles by joint name.
+    pub q_rad: Posture,
+    /// Speeds by joint name, rad/s.
+    pub qd_rad_per_s: Posture,
 }
 
 /// Quality of a grasp.
@@ -227,7 +251,8 @@ pub struct QualityInfo {
     pub expected_epsilon: Option<f64>,
     /// Share of those samples that close by force.
     pub closure_chance: Option<f64>,
-    /// Least distance of a joint from its limits, as a share of its range: 0 at a limit.
+    /// Least distance of a joint of the used fingers from its limits, as a share of its range: 0 at a limit. Held joints,
+    /// as the thumb's rotation, do not count.
     pub limit_margin: Option<f64>,
     /// Share of the contacts on surface that was measured, not completed.
     pub seen_share: Option<f64>,

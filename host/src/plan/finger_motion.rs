@@ -1,15 +1,14 @@
 //! Fingers that arrive together: all joints of a hand from one posture to another in the same time.
 //!
 //! "The object slightly moves by the first arrived finger. When the method of Paul's quartic equation trajectory
-//! interpolation is incorporated into the finger control, the phenomenon occurs rarely" (Wang et al. 2005, section VI).
+//! interpolation is incorporated into the finger control, the phenomenon occurs rarely" (Wang et al. 2005, section V.B).
 //! Every joint follows one law of progress: take-off by Paul's quartic, constant speed, and set-down by the quartic (R. P.
 //! Paul, *Robot Manipulators*, 1981), at rest at both ends and without a step of the acceleration. The slowest joint
 //! decides the time.
 
 use thiserror::Error;
 
-/// Share of the time that each of take-off and set-down takes.
-const BLEND: f64 = 0.4;
+use super::profile::{BLEND, Progress, rest_to_rest};
 
 /// Knots in each of take-off and set-down. The cubics between them are within 2e-5 of the way from the quartic.
 const KNOTS_IN_BLEND: usize = 6;
@@ -92,7 +91,7 @@ pub fn touch_together(
     let contact_s =
         (0..count).map(|i| cruise * (to[i] - from[i]).abs() / speed_limits_rad_per_s[i]).fold(0.0, f64::max);
     let knot = |time: f64| {
-        let (share, rate) = progress(time);
+        let Progress { share, rate_per_s: rate } = rest_to_rest(time, 1.0);
         let rate = if contact_s > 0.0 { rate / contact_s } else { 0.0 };
         FingerKnot {
             t_s: time * contact_s,
@@ -112,24 +111,6 @@ pub fn touch_together(
         last.q_rad = to.to_vec();
     }
     Ok(FingerMotion { knots, contact_s })
-}
-
-/// Share of the way, and its rate, after a share of the time.
-fn progress(time: f64) -> (f64, f64) {
-    let cruise = 1.0 / (1.0 - BLEND);
-    // The quartic from rest to the cruise: its speed rises as 3 h^2 - 2 h^3.
-    let take_off = |time: f64| {
-        let h = time / BLEND;
-        (cruise * BLEND * h.powi(3) * (1.0 - 0.5 * h), cruise * h * h * (3.0 - 2.0 * h))
-    };
-    if time < BLEND {
-        take_off(time)
-    } else if time > 1.0 - BLEND {
-        let (left, rate) = take_off(1.0 - time);
-        (1.0 - left, rate)
-    } else {
-        (cruise * (time - 0.5 * BLEND), cruise)
-    }
 }
 
 #[cfg(test)]
@@ -194,7 +175,7 @@ mod tests {
             for pair in motion.knots.windows(2) {
                 for i in 0..=20 {
                     let t_s = pair[0].t_s + (pair[1].t_s - pair[0].t_s) * f64::from(i) / 20.0;
-                    let (share, _) = progress(t_s / motion.contact_s);
+                    let share = rest_to_rest(t_s, motion.contact_s).share;
                     for j in 0..joints.len() {
                         let [q, qd] = between(&pair[0], &pair[1], j, t_s);
                         let way = to[j] - from[j];

@@ -16,6 +16,7 @@ pub mod motion;
 pub mod obstacles;
 pub mod paper;
 pub mod preshape;
+pub mod profile;
 mod propose;
 pub mod samples;
 pub mod scene;

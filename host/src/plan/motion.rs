@@ -46,6 +46,10 @@ const LINE_SPEED_M_PER_S: f64 = 0.10;
 /// Corners of a way past obstacles are rounded by this much, rad; by less where that would touch something.
 const CORNERS_RAD: [f64; 4] = [0.1, 0.03, 0.01, 0.002];
 
+/// What a searched way keeps from all obstacles, metres, so that its corners can be rounded; nothing where there is no way
+/// with it.
+const SEARCH_CLEARANCES_M: [f64; 2] = [0.004, 0.0];
+
 /// Seconds between the places of a timed motion that are looked at again.
 const LOOK_S: f64 = 0.010;
 
@@ -57,7 +61,7 @@ const MARGIN: Margin = Margin { limit_rad: 0.05, wrist: 0.1, elbow: 0.1, shoulde
 const SEARCH_PAD_RAD: f64 = 1.6;
 
 /// Random configurations of a search.
-const SEARCH_ITERATIONS: usize = 250;
+const SEARCH_ITERATIONS: usize = 400;
 
 /// Joint trajectories of one grasp, each from rest to rest.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -334,12 +338,18 @@ impl Way<'_> {
 
     /// A way past the obstacles to one of the configurations.
     fn past_obstacles(&self, posed: &[Posed], failures: &mut Failures) -> Option<ArmMotion> {
+        SEARCH_CLEARANCES_M.into_iter().find_map(|clearance_m| self.search(posed, clearance_m, failures))
+    }
+
+    /// A way that keeps a clearance.
+    fn search(&self, posed: &[Posed], clearance_m: f64, failures: &mut Failures) -> Option<ArmMotion> {
+        let obstacles = self.transfer.keeping(clearance_m);
         let goals: Vec<Joints> =
-            posed.iter().map(|p| *p.at_approach()).filter(|q| self.transfer.clash_at(q).is_none()).collect();
+            posed.iter().map(|p| *p.at_approach()).filter(|q| obstacles.clash_at(q).is_none()).collect();
         if goals.is_empty() {
             return None;
         }
-        let is_free = |from: &Joints, to: &Joints| self.transfer.clash_between(from, to).is_none();
+        let is_free = |from: &Joints, to: &Joints| obstacles.clash_between(from, to).is_none();
         let (limits, all) = (self.arm.limits(), || goals.iter().chain([&self.start_rad]));
         let least = |i: usize| all().map(|q| q[i]).fold(f64::INFINITY, f64::min) - SEARCH_PAD_RAD;
         let most = |i: usize| all().map(|q| q[i]).fold(f64::NEG_INFINITY, f64::max) + SEARCH_PAD_RAD;

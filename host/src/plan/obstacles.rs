@@ -100,6 +100,8 @@ pub struct Obstacles<'a> {
     place: ObjectPlace,
     /// By link: how far its bodies move per radian of each axis, metres.
     levers_m: [Joints; FLANGE + 1],
+    /// What all bodies keep from each other beyond what they have to, metres.
+    clearance_m: f64,
 }
 
 /// Clearance that is asked for.
@@ -108,12 +110,15 @@ struct Room<'a> {
     levers_m: &'a [Joints; FLANGE + 1],
     /// How far each axis may turn.
     turns_rad: Joints,
+    /// Asked for in any case, metres.
+    clearance_m: f64,
 }
 
 impl Room<'_> {
-    /// How far `link` may move as seen from `from_link`, metres.
+    /// How far `link` may move as seen from `from_link`, and the clearance, metres.
     fn of(&self, from_link: usize, link: usize) -> f64 {
-        (from_link..link).map(|axis| self.turns_rad[axis] * self.levers_m[link][axis]).sum()
+        let moves = (from_link..link).map(|axis| self.turns_rad[axis] * self.levers_m[link][axis]);
+        moves.sum::<f64>() + self.clearance_m
     }
 }
 
@@ -137,7 +142,13 @@ impl<'a> Obstacles<'a> {
             };
             arm.levers_m(link, if link == FLANGE { extents.max(of_hand()) } else { extents })
         });
-        Self { arm, hand, table_height_m, surface, place, levers_m }
+        Self { arm, hand, table_height_m, surface, place, levers_m, clearance_m: 0.0 }
+    }
+
+    /// The same, but all bodies keep this much more from each other, metres.
+    #[must_use]
+    pub fn keeping(&self, clearance_m: f64) -> Self {
+        Self { clearance_m, ..*self }
     }
 
     /// How far the hand's points move per radian of each axis, at most, metres.
@@ -157,7 +168,7 @@ impl<'a> Obstacles<'a> {
     pub fn clash_between(&self, from: &Joints, to: &Joints) -> Option<Clash> {
         let middle: Joints = std::array::from_fn(|i| 0.5 * (from[i] + to[i]));
         let half: Joints = std::array::from_fn(|i| 0.5 * (from[i] - to[i]).abs());
-        let room = Room { levers_m: &self.levers_m, turns_rad: half };
+        let room = Room { levers_m: &self.levers_m, turns_rad: half, clearance_m: 0.0 };
         let reach_m = (1..=FLANGE).map(|link| room.of(0, link)).fold(0.0, f64::max);
         // A way that is no number is not free.
         if reach_m.is_nan() || 2.0 * reach_m <= RESOLUTION_M {
@@ -173,7 +184,7 @@ impl<'a> Obstacles<'a> {
 
     /// What touches, or could touch when each axis turns by as much as `turns_rad` to either side.
     fn clash(&self, q: &Joints, turns_rad: Joints) -> Option<Clash> {
-        let room = Room { levers_m: &self.levers_m, turns_rad };
+        let room = Room { levers_m: &self.levers_m, turns_rad, clearance_m: self.clearance_m };
         let frames = self.arm.link_frames(q);
         let base_from_palm = frames[FLANGE - 1] * self.arm.flange_from_palm();
         let capsules = self.arm.link_capsules();

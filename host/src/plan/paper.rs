@@ -8,6 +8,7 @@
 use nalgebra::{Matrix3, Point3, Unit, UnitQuaternion, Vector3};
 use rand::RngExt;
 
+use super::preshape::{PreshapeTable, tables};
 use super::scene::Scene;
 use super::search::{Proposal, SearchResult, SearchSettings, Tried, attempt_rng, perturbed, record, try_all};
 use super::settle::Approach;
@@ -25,13 +26,13 @@ const SITES_KEPT: usize = 8;
 /// Runs the search. `progress` is told the number of attempts so far.
 #[must_use]
 pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)) -> SearchResult {
-    let candidates = &scene.preshapes;
+    let candidates = tables(&scene.hand);
     let mut result = SearchResult::empty();
     let mut sites: Vec<Tried> = Vec::new();
 
     for proposals in initial_proposals(scene) {
         for batch in proposals.chunks(BATCH) {
-            let tried = try_all(scene, candidates, batch);
+            let tried = try_all(scene, &candidates, batch);
             let stop = record(&mut result, &tried, settings, true, progress);
             if stop {
                 result.rank();
@@ -43,7 +44,7 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
             break;
         }
     }
-    refine(scene, settings, sites, &mut result, progress);
+    refine(scene, &candidates, settings, sites, &mut result, progress);
     result.rank();
     result
 }
@@ -69,6 +70,7 @@ pub(super) fn initial_proposals(scene: &Scene) -> Vec<Vec<Proposal>> {
 /// Second stage: small random motions about the best sites.
 fn refine(
     scene: &Scene,
+    candidates: &[PreshapeTable],
     settings: &SearchSettings,
     mut sites: Vec<Tried>,
     result: &mut SearchResult,
@@ -92,7 +94,7 @@ fn refine(
                 Proposal::At { candidate: from.candidate, site: Box::new(site) }
             })
             .collect();
-        let tried = try_all(scene, &scene.preshapes, &proposals);
+        let tried = try_all(scene, candidates, &proposals);
         if record(result, &tried, settings, true, progress) {
             return;
         }

@@ -175,6 +175,12 @@ impl PreshapeTable {
     }
 }
 
+/// The tables of a hand's candidates, in their order.
+#[must_use]
+pub fn tables(hand: &Hand) -> Vec<PreshapeTable> {
+    hand.candidates.iter().cloned().enumerate().map(|(i, c)| PreshapeTable::new(i, c)).collect()
+}
+
 /// An angle in -pi..=pi.
 fn wrapped(angle_rad: f64) -> f64 {
     let turns = (angle_rad / std::f64::consts::TAU).round();

@@ -1,8 +1,9 @@
 //! Where the search looks: places where the body is thin enough between surfaces that face apart, and the directions from
 //! which arm and palm can come there.
 //!
-//! An attempt costs a hundred times what it costs to see that the arm does not reach, that the palm would stand in the
-//! table, or that the two sides do not face apart. So a proposal is drawn anew until it passes these.
+//! Fingers are closed several times for one attempt, and each closing costs some times what it costs to see that the arm
+//! does not reach, that the palm would stand in the table, or that the two sides do not face apart. So a proposal is drawn
+//! anew until it passes these.
 
 use std::f64::consts::TAU;
 

@@ -8,7 +8,6 @@ use thiserror::Error;
 
 use super::approach::{BeadPair, bead_pairs};
 use super::arm::Arm;
-use super::preshape::PreshapeTable;
 use super::samples::SurfaceSampler;
 use super::seen::SeenSurface;
 use super::surface_query::{SurfaceQuery, SurfaceQueryError};
@@ -43,8 +42,6 @@ pub struct Scene {
     pub arm: Option<Arm>,
     /// The hand's kinematics and its bodies.
     pub hand: Hand,
-    /// Preshapes of the hand's candidates, in their order.
-    pub preshapes: Vec<PreshapeTable>,
     /// Beads of different fingers that must not overlap.
     pub bead_pairs: Vec<BeadPair>,
     /// Coulomb friction coefficient between tips and object.
@@ -86,7 +83,6 @@ impl Scene {
         let hand = Hand::hit_dlr()?;
         Ok(Self {
             extremes_in_object: extremes(mesh.vertices()),
-            preshapes: tables(&hand),
             bead_pairs: bead_pairs(&hand),
             surface: SurfaceQuery::new(&mesh)?,
             sampler: SurfaceSampler::new(&mesh),
@@ -108,22 +104,18 @@ impl Scene {
     /// The same scene with another hand.
     #[must_use]
     pub fn with_hand(self, hand: Hand) -> Self {
-        Self { preshapes: tables(&hand), bead_pairs: bead_pairs(&hand), hand, ..self }
+        Self { bead_pairs: bead_pairs(&hand), hand, ..self }
     }
 
     /// How far the object reaches from `from` along a unit direction, metres, object frame; not below 0. Exact for
-    /// bodies with few corners, at most a few hundredths of its size too small for round ones.
+    /// bodies with few corners, on round ones too small by a hundredth or two of the radius.
     #[must_use]
     pub fn extent_m(&self, from: &Point3<f64>, direction: &Vector3<f64>) -> f64 {
         self.extremes_in_object.iter().map(|p| (p - from).dot(direction)).fold(0.0, f64::max)
     }
 }
 
-fn tables(hand: &Hand) -> Vec<PreshapeTable> {
-    hand.candidates.iter().cloned().enumerate().map(|(i, c)| PreshapeTable::new(i, c)).collect()
-}
-
-/// Directions in which the farthest vertices are kept: half a turn of this many steps of a spiral on the sphere.
+/// Directions in which the farthest vertices are kept; the nearest of them is within 10 degrees of any.
 const EXTREME_DIRECTIONS: usize = 256;
 
 /// The farthest vertices in directions spread evenly over the sphere (a Fibonacci spiral), each once.

@@ -25,6 +25,12 @@ impl SeenSurface {
         Self { cell_m, cells }
     }
 
+    /// Of a cloud whose points are `spacing_m` apart: surface within three spacings of a point was measured.
+    #[must_use]
+    pub fn of_cloud(points: &[Point3<f64>], spacing_m: f64) -> Self {
+        Self::new(points, 3.0 * spacing_m)
+    }
+
     fn cell(point: &Point3<f64>, cell_m: f64) -> [i32; 3] {
         // A cast saturates, so that points far away share a cell instead of wrapping round.
         [point.x, point.y, point.z].map(|c| (c / cell_m).floor() as i32)

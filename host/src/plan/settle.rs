@@ -63,9 +63,8 @@ pub fn settle(
     width_m: Option<f64>,
 ) -> Site {
     let rotation = approach.object_from_grasp_rotation();
-    let (mut center, mut width_m) = first_place(scene, &rotation, target_in_object, width_m);
     let opposing = table.candidate().opposing;
-    let mut site = place(scene, table, approach, &rotation, &mut center, width_m);
+    let (mut site, mut center, mut width_m) = begin(scene, table, approach, target_in_object, width_m);
 
     for _ in 0..MAX_CORRECTIONS {
         let closed = close_hand(scene, table.candidate(), &site);
@@ -123,25 +122,29 @@ pub fn placed(
     target_in_object: &Point3<f64>,
     width_m: Option<f64>,
 ) -> Site {
-    let rotation = approach.object_from_grasp_rotation();
-    let (mut center, width_m) = first_place(scene, &rotation, target_in_object, width_m);
-    place(scene, table, approach, &rotation, &mut center, width_m)
+    begin(scene, table, approach, target_in_object, width_m).0
 }
 
-/// Middle between the fingers and the width to open for.
-fn first_place(
+/// First site, with the middle between its fingers and the width that it is open for.
+fn begin(
     scene: &Scene,
-    rotation: &UnitQuaternion<f64>,
+    table: &PreshapeTable,
+    approach: &Approach,
     target_in_object: &Point3<f64>,
     width_m: Option<f64>,
-) -> (Point3<f64>, f64) {
-    if let Some(width_m) = width_m {
-        return (*target_in_object, width_m);
-    }
-    let axis = rotation * Vector3::x();
-    let ahead_m = scene.extent_m(target_in_object, &axis);
-    let behind_m = scene.extent_m(target_in_object, &-axis);
-    (target_in_object + axis * (0.5 * (ahead_m - behind_m)), ahead_m + behind_m)
+) -> (Site, Point3<f64>, f64) {
+    let rotation = approach.object_from_grasp_rotation();
+    let (mut center, width_m) = match width_m {
+        Some(width_m) => (*target_in_object, width_m),
+        None => {
+            let axis = rotation * Vector3::x();
+            let ahead_m = scene.extent_m(target_in_object, &axis);
+            let behind_m = scene.extent_m(target_in_object, &-axis);
+            (target_in_object + axis * (0.5 * (ahead_m - behind_m)), ahead_m + behind_m)
+        }
+    };
+    let site = place(scene, table, approach, &rotation, &mut center, width_m);
+    (site, center, width_m)
 }
 
 /// Puts the grasp frame of a hand shaped for `width_m` at `center`, and raises `center` until the tips stay above the

@@ -162,7 +162,21 @@ pub fn time_path(
         best = Some(spline);
     }
     let best = best.ok_or(TimingError::Trajectory(TrajectoryError::Empty))?;
-    Ok(best.trajectory()?)
+    let trajectory = best.trajectory(limits)?;
+    // Joining pieces may have added a little.
+    let excess = excess(&trajectory, limits);
+    Ok(if excess > 1.0 { trajectory.slowed(excess)? } else { trajectory })
+}
+
+/// By which factor a motion has to be slowed to keep its limits; at most 1 when it keeps them.
+fn excess(trajectory: &JointTrajectory, limits: &MotionLimits) -> f64 {
+    let peaks = trajectory.peaks();
+    (0..6).fold(0.0, |most: f64, i| {
+        let speed = peaks.speed_rad_per_s[i] / limits.speed_rad_per_s[i];
+        let acceleration = peaks.acceleration_rad_per_s2[i] / limits.acceleration_rad_per_s2[i];
+        let jerk = peaks.jerk_rad_per_s3[i] / limits.jerk_rad_per_s3[i];
+        most.max(speed).max(acceleration.sqrt()).max(jerk.cbrt())
+    })
 }
 
 /// Time in which every joint can reach its full acceleration.

@@ -7,12 +7,11 @@
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::approach::{palm_clear_of_table, palm_cuts_object};
-use super::attempt::{GraspContact, Rejection, Seat};
+use super::attempt::{GraspContact, Rejection, Seat, contact_at};
 use super::closing::{Closing, Way, advance};
 use super::preshape::any_across;
 use super::scene::Scene;
 use super::settle::Site;
-use crate::grasp::{Contact, ContactError};
 use crate::hand::{Candidate, Finger, Part, Posture};
 
 /// How far the palm is drawn back before it is seated, and how far it may then go, metres.
@@ -141,7 +140,7 @@ fn palm_contacts(
         let Some(chosen) = farthest.filter(|&i| apart_m(i) > PATCH_M) else { break };
         taken[slot] = Some(chosen);
         if let Some((point, inward)) = patch[chosen] {
-            let contact = link_contact(scene, &point, &inward)?;
+            let contact = contact_at(scene, &point, &inward, scene.hand.link_friction, 0.0)?;
             contacts.push(GraspContact { finger: None, bead: 0, contact });
         }
     }
@@ -181,11 +180,10 @@ fn wrap_finger(
                 *posture = *posture + rate * touch.u;
                 touched = true;
                 let bead = &chain.beads()[touch.bead];
-                let contact = if bead.part == Part::Inner {
-                    link_contact(scene, &touch.point_in_object, &touch.inward_normal_in_object)?
-                } else {
-                    tip_contact(scene, &touch.point_in_object, &touch.inward_normal_in_object)?
-                };
+                let friction_max =
+                    if bead.part == Part::Inner { scene.hand.link_friction } else { f64::INFINITY };
+                let (point, inward) = (&touch.point_in_object, &touch.inward_normal_in_object);
+                let contact = contact_at(scene, point, inward, friction_max, 0.0)?;
                 contacts.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
                 for segment in &chain.segments()[..=bead.segment] {
                     rate[segment.joint] = 0.0;
@@ -215,34 +213,6 @@ fn next_stop(scene: &Scene, chain: &Finger, posture: &Posture, rate: &mut Postur
     }
     let first = chain.segments().iter().position(|segment| rate[segment.joint] != 0.0)?;
     Some((first, u_end))
-}
-
-fn link_contact(
-    scene: &Scene,
-    point: &Point3<f64>,
-    inward: &Unit<Vector3<f64>>,
-) -> Result<Contact, Rejection> {
-    contact(scene, point, inward, scene.friction.min(scene.hand.link_friction))
-}
-
-fn tip_contact(
-    scene: &Scene,
-    point: &Point3<f64>,
-    inward: &Unit<Vector3<f64>>,
-) -> Result<Contact, Rejection> {
-    contact(scene, point, inward, scene.friction)
-}
-
-fn contact(
-    scene: &Scene,
-    point: &Point3<f64>,
-    inward: &Unit<Vector3<f64>>,
-    friction: f64,
-) -> Result<Contact, Rejection> {
-    let made = || -> Result<Contact, ContactError> {
-        Contact::new(*point, inward.into_inner(), friction)?.with_max_force(scene.hand.tip_force_max_n)
-    };
-    made().map_err(|_| Rejection::Undecided)
 }
 
 /// Pose of a palm, on its way along `direction`, whose pressing point is at `target` with its lateral axis turned by

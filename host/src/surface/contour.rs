@@ -1,6 +1,6 @@
 //! Contouring: the zero set of a field as triangles, by marching cubes over the cells that it has values on.
 
-use std::sync::LazyLock;
+use std::{ops::Range, sync::LazyLock};
 
 use nalgebra::Point3;
 
@@ -12,6 +12,25 @@ const CLEARANCE: f64 = 0.02;
 /// Vertices and counter-clockwise triangles, not yet checked as a mesh.
 pub(super) type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 
+/// The polygons in which cells cut the zero set, before they are split into triangles.
+pub(super) struct Polygons {
+    pub(super) vertices: Vec<Point3<f64>>,
+    /// For each vertex the two nodes (indices into the field) whose edge it lies on.
+    pub(super) edges: Vec<[usize; 2]>,
+    /// Corners of all polygons, one polygon after the other, counter-clockwise.
+    pub(super) corners: Vec<u32>,
+    pub(super) polygons: Vec<Polygon>,
+}
+
+/// One polygon within one cell.
+#[derive(Debug, Clone)]
+pub(super) struct Polygon {
+    /// Its corners' places in [`Polygons::corners`].
+    pub(super) corners: Range<usize>,
+    /// The corner to fan it from, if a fan will do.
+    apex: Option<usize>,
+}
+
 /// Surface between negative and positive nodes, normals towards positive.
 ///
 /// A cell with an undefined corner emits nothing. The surface is manifold, and it is open only along such cells: each
@@ -19,18 +38,27 @@ pub(super) type Triangles = (Vec<Point3<f64>>, Vec<[u32; 3]>);
 /// lies in a cell's face.
 #[must_use]
 pub(super) fn contour(field: &Field) -> Triangles {
+    let mut polygons = polygons(field);
+    let mut faces = Vec::new();
+    for i in 0..polygons.polygons.len() {
+        polygons.split(i, &mut faces);
+    }
+    (polygons.vertices, faces)
+}
+
+/// The polygons of all cells.
+pub(super) fn polygons(field: &Field) -> Polygons {
     let mut cutter = Cutter {
         field,
         vertex_of: vec![[u32::MAX; 3]; field.keys.len()],
-        vertices: Vec::new(),
-        faces: Vec::new(),
+        out: Polygons { vertices: Vec::new(), edges: Vec::new(), corners: Vec::new(), polygons: Vec::new() },
     };
     for index in 0..field.keys.len() {
         if let Some(corners) = cell_corners(field, index) {
             cutter.cut(corners);
         }
     }
-    (cutter.vertices, cutter.faces)
+    cutter.out
 }
 
 /// Indices of the eight corners of the cell above node `index`, if all have a value. Bit 0 of the corner is x, bit 1
@@ -55,8 +83,33 @@ struct Cutter<'a> {
     field: &'a Field,
     /// Vertex on the edge from each node along x, y and z, or `u32::MAX`.
     vertex_of: Vec<[u32; 3]>,
-    vertices: Vec<Point3<f64>>,
-    faces: Vec<[u32; 3]>,
+    out: Polygons,
+}
+
+impl Polygons {
+    /// Corners of a polygon.
+    pub(super) fn ring(&self, polygon: usize) -> &[u32] {
+        &self.corners[self.polygons[polygon].corners.clone()]
+    }
+
+    /// Splits a polygon into triangles along no diagonal that lies in a cell's face.
+    pub(super) fn split(&mut self, polygon: usize, faces: &mut Vec<[u32; 3]>) {
+        let Polygon { corners, apex } = self.polygons[polygon].clone();
+        let ring = &self.corners[corners];
+        if let Some(apex) = apex {
+            for i in 1..ring.len() - 1 {
+                let at = |offset: usize| ring[(apex + offset) % ring.len()];
+                faces.push([at(0), at(i), at(i + 1)]);
+            }
+        } else {
+            let sum: nalgebra::Vector3<f64> = ring.iter().map(|&v| self.vertices[v as usize].coords).sum();
+            let center = self.vertices.len() as u32;
+            self.vertices.push(Point3::from(sum / ring.len() as f64));
+            for i in 0..ring.len() {
+                faces.push([center, ring[i], ring[(i + 1) % ring.len()]]);
+            }
+        }
+    }
 }
 
 impl Cutter<'_> {
@@ -64,21 +117,14 @@ impl Cutter<'_> {
         let inside =
             (0..8).filter(|&c| self.field.values[corners[c]] < 0.0).fold(0_u8, |mask, c| mask | 1 << c);
         for polygon in &CASES[inside as usize] {
-            let ring: Vec<u32> = polygon.iter().map(|&edge| self.vertex(&corners, edge)).collect();
-            if let Some(apex) = flat_apex(polygon) {
-                for i in 1..ring.len() - 1 {
-                    let at = |offset: usize| ring[(apex + offset) % ring.len()];
-                    self.faces.push([at(0), at(i), at(i + 1)]);
-                }
-            } else {
-                let sum: nalgebra::Vector3<f64> =
-                    ring.iter().map(|&v| self.vertices[v as usize].coords).sum();
-                let center = self.vertices.len() as u32;
-                self.vertices.push(Point3::from(sum / ring.len() as f64));
-                for i in 0..ring.len() {
-                    self.faces.push([center, ring[i], ring[(i + 1) % ring.len()]]);
-                }
+            let start = self.out.corners.len();
+            for &edge in polygon {
+                let vertex = self.vertex(&corners, edge);
+                self.out.corners.push(vertex);
             }
+            self.out
+                .polygons
+                .push(Polygon { corners: start..self.out.corners.len(), apex: flat_apex(polygon) });
         }
     }
 
@@ -86,15 +132,20 @@ impl Cutter<'_> {
         let (from, to) = (corners[edge.from as usize], corners[edge.to() as usize]);
         let slot = &mut self.vertex_of[from][edge.axis as usize];
         if *slot == u32::MAX {
+            *slot = self.out.vertices.len() as u32;
             let (a, b) = (self.field.values[from], self.field.values[to]);
-            let share = (a / (a - b)).clamp(CLEARANCE, 1.0 - CLEARANCE);
-            let (low, high) = (self.field.keys[from], self.field.keys[to]);
-            let (low, high) = (self.field.lattice.position(low), self.field.lattice.position(high));
-            *slot = self.vertices.len() as u32;
-            self.vertices.push(low + (high - low) * share);
+            self.out.vertices.push(on_edge(self.field, [from, to], a / (a - b)));
+            self.out.edges.push([from, to]);
         }
         *slot
     }
+}
+
+/// The point at a share of the way between two nodes, kept clear of both.
+pub(super) fn on_edge(field: &Field, [from, to]: [usize; 2], share: f64) -> Point3<f64> {
+    let share = share.clamp(CLEARANCE, 1.0 - CLEARANCE);
+    let [low, high] = [from, to].map(|node| field.lattice.position(field.keys[node]));
+    low + (high - low) * share
 }
 
 /// An edge of the unit cube: from its lower corner along an axis.
@@ -125,12 +176,12 @@ const FACES: [[u8; 4]; 6] =
     [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
 
 /// Polygons for each of the 256 sets of inside corners (bit per corner). Computed, as the rule is shorter than a table.
-static CASES: LazyLock<Vec<Vec<Vec<Edge>>>> = LazyLock::new(|| (0..=u8::MAX).map(polygons).collect());
+static CASES: LazyLock<Vec<Vec<Vec<Edge>>>> = LazyLock::new(|| (0..=u8::MAX).map(rings).collect());
 
 /// On every face a segment runs from where its rim enters the inside to where it next leaves it, so each inside corner
 /// of an ambiguous face is cut off by itself: the same on both cells that share the face. Every crossed edge lies on
 /// two faces, entering on one and leaving on the other, so the segments chain into closed polygons.
-fn polygons(inside: u8) -> Vec<Vec<Edge>> {
+fn rings(inside: u8) -> Vec<Vec<Edge>> {
     let is_inside = |corner: u8| inside >> corner & 1 == 1;
     let mut segments: Vec<(Edge, Edge)> = Vec::new();
     for face in FACES {

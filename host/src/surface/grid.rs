@@ -76,37 +76,51 @@ impl Grid {
         if k == 0 {
             return;
         }
-        let mut ring = 1;
+        let mut reach_m = 0.5 * self.cell_m;
         loop {
             found.clear();
-            let (from, to) = self.gather(query, ring as f64 * self.cell_m, found);
-            if found.len() >= k {
-                found.select_nth_unstable_by(k - 1, compare);
-                // Points outside the gathered cells are at least `ring` cells away.
-                if found[k - 1].0 <= (ring as f64 * self.cell_m).powi(2) || self.is_everything(from, to) {
-                    break;
+            // The best so far, sorted: for a dozen of them insertion beats sorting everything that is near.
+            let (from, to) = self.visit(query, reach_m, |neighbour| {
+                if found.len() == k {
+                    if found.last().is_some_and(|last| compare(last, &neighbour).is_le()) {
+                        return;
+                    }
+                    found.pop();
                 }
+                let mut place = found.len();
+                while place > 0 && compare(&neighbour, &found[place - 1]).is_lt() {
+                    place -= 1;
+                }
+                found.insert(place, neighbour);
+            });
+            // Points outside the visited cells are at least that far away.
+            let farthest_m = found.last().map_or(f64::INFINITY, |last| last.0.sqrt());
+            if found.len() == k && (farthest_m <= reach_m || self.is_everything(from, to)) {
+                return;
             }
-            ring *= 2;
+            // The k points found so far bound the distance of the k nearest; a little more, for the root's rounding.
+            reach_m = if found.len() == k { farthest_m * (1.0 + 1e-9) } else { 2.0 * reach_m };
         }
-        found.truncate(k);
-        found.sort_unstable_by(compare);
     }
 
     /// All points within `radius_m`, nearest first. `found` is overwritten.
     pub fn within(&self, query: &Point3<f64>, radius_m: f64, found: &mut Vec<Neighbour>) {
         found.clear();
-        self.gather(query, radius_m, found);
-        found.retain(|&(d2, _)| d2 <= radius_m * radius_m);
+        self.visit(query, radius_m, |neighbour| {
+            if neighbour.0 <= radius_m * radius_m {
+                found.push(neighbour);
+            }
+        });
         found.sort_unstable_by(compare);
     }
 
-    /// Appends the points of every cell that the box of half side `reach_m` about `query` touches.
-    fn gather(
+    /// Shows every point of the cells that the box of half side `reach_m` about `query` touches. Returns the range of
+    /// cells.
+    fn visit(
         &self,
         query: &Point3<f64>,
         reach_m: f64,
-        found: &mut Vec<Neighbour>,
+        mut see: impl FnMut(Neighbour),
     ) -> ([usize; 3], [usize; 3]) {
         let reach = Vector3::repeat(reach_m);
         let (from, to) = (self.cell_of(&(query - reach)), self.cell_of(&(query + reach)));
@@ -116,7 +130,7 @@ impl Grid {
                 let start = self.starts[self.cell_index([from[0], y, z])] as usize;
                 let end = self.starts[self.cell_index([to[0], y, z]) + 1] as usize;
                 for i in start..end {
-                    found.push(((self.points[i] - query).norm_squared(), self.order[i]));
+                    see(((self.points[i] - query).norm_squared(), self.order[i]));
                 }
             }
         }

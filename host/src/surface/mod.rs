@@ -9,6 +9,7 @@ pub mod mesh;
 pub mod orient;
 pub mod outlier;
 pub mod reconstruct;
+mod sharpen;
 pub mod table;
 pub mod tangent;
 pub mod thin;

@@ -10,14 +10,15 @@ use super::{
     close::{Sight, solid_on_table},
     cloud::{CloudError, PointCloud},
     contour::contour,
-    distance::{Lattice, Support, signed_distance},
+    distance::{Field, Lattice, Planes, Support, signed_distance},
     fragments::without_fragments,
     grid::Grid,
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
+    sharpen::sharp_contour,
     table::{Plane, TableTop, find_table},
-    tangent::{Tangent, tangents},
+    tangent::{Tangent, Tangents, tangents},
     thin::{Thinned, thin},
 };
 
@@ -110,9 +111,9 @@ pub struct StageSeconds {
     pub orient_s: f64,
     /// Signed distances.
     pub distance_s: f64,
-    /// Contouring.
+    /// Contouring, with sharp edges, and the report on the mesh.
     pub contour_s: f64,
-    /// Completion of the unseen.
+    /// Completion of the unseen, its contouring included.
     pub close_s: f64,
 }
 
@@ -228,7 +229,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let spacing = median(fourth.clone());
     let cell_m = settings.cell_m.unwrap_or(CELL_PER_SPACING * spacing);
     let radius = settings.radius_m.unwrap_or(1.5 * spacing);
-    let planes = tangents(&object.points, &grid, settings.neighbours, radius);
+    let Tangents { planes, shows_edges } = tangents(&object.points, &grid, settings.neighbours, radius);
     let fitted = object.filtered(|i, _| planes[i].is_some());
     let mut planes: Vec<Tangent> = planes.into_iter().flatten().collect();
     enough(cloud, planes.len(), "fitting tangent planes")?;
@@ -247,43 +248,51 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let origins: Vec<Point3<f64>> = planes.iter().map(|plane| plane.origin).collect();
     let lattice = lattice_above_table(&origins, cell_m)?;
     let grid = Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m));
-    let support = Support { radius_m: 1.5 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
-    let field = signed_distance(&planes, &grid, lattice, &support);
+    let support =
+        Support { radius_m: 1.25 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
+    let planes = Planes { tangents: &planes, grid: &grid, support, shows_edges };
+    let drawn = |field: &Field| if shows_edges { sharp_contour(field, &planes) } else { contour(field) };
+    let field = signed_distance(&planes, lattice);
     seconds.distance_s = clock.lap();
 
-    let sheet = without_fragments(contour(&field), settings.smallest_part, false);
-    let mut dropped_parts = sheet.dropped;
-    let (vertices, faces) = sheet.triangles;
-    let mut mesh = Mesh::new(vertices, faces)?;
+    let part = |triangles, solid| -> Result<(Mesh, usize), MeshError> {
+        let kept = without_fragments(triangles, settings.smallest_part, solid);
+        Ok((Mesh::new(kept.triangles.0, kept.triangles.1)?, kept.dropped))
+    };
+    // Sharpening takes as long as the distances: once, on the field that the mesh comes from in the end.
+    let plain = if settings.close || !shows_edges { Some(part(contour(&field), false)?) } else { None };
+    let is_open = settings.close && plain.as_ref().is_some_and(|(mesh, _)| !mesh.is_watertight());
     seconds.contour_s = clock.lap();
 
-    let mut closing = Closing::NotAsked;
-    if settings.close {
-        closing = Closing::AlreadyClosed;
-        if !mesh.is_watertight() {
-            let sights: Vec<Sight> = sights
-                .iter()
-                .map(|sight| Sight {
-                    point: plane_from_cloud * sight.point,
-                    towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
-                })
-                .collect();
-            let body = solid_on_table(&field, &sights)
-                .map(|solid| without_fragments(contour(&solid), settings.smallest_part, true))
-                .and_then(|kept| Some((Mesh::new(kept.triangles.0, kept.triangles.1).ok()?, kept.dropped)));
-            closing = match body {
-                Some((body, dropped)) => {
-                    (mesh, dropped_parts) = (body, dropped);
-                    if table.is_some() { Closing::OnTable } else { Closing::OnAssumedPlane }
-                }
-                None => Closing::Impossible,
-            };
-        }
+    let mut closed = None;
+    if is_open {
+        let sights: Vec<Sight> = sights
+            .iter()
+            .map(|sight| Sight {
+                point: plane_from_cloud * sight.point,
+                towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
+            })
+            .collect();
+        closed = solid_on_table(&field, &sights).and_then(|solid| part(drawn(&solid), true).ok());
     }
+    let closing = match (settings.close, is_open, &closed) {
+        (false, ..) => Closing::NotAsked,
+        (true, false, _) => Closing::AlreadyClosed,
+        (true, true, Some(_)) if table.is_some() => Closing::OnTable,
+        (true, true, Some(_)) => Closing::OnAssumedPlane,
+        (true, true, None) => Closing::Impossible,
+    };
+    seconds.close_s = clock.lap();
+    let (mesh, dropped_parts) = match (closed, plain) {
+        (Some(body), _) => body,
+        (None, Some(plain)) if !shows_edges => plain,
+        (None, _) => part(sharp_contour(&field, &planes), false)?,
+    };
     let measured = supported_faces(&mesh, &grid, support.radius_m);
     let mesh = mesh.transformed(&plane_from_cloud.inverse());
     let open_edges = mesh.open_edges();
-    seconds.close_s = clock.lap();
+    let components = mesh.components();
+    seconds.contour_s += clock.lap();
     let report = Report {
         points: cloud.len(),
         used: origins.len(),
@@ -294,7 +303,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
         triangles: mesh.faces().len(),
         watertight: open_edges == 0,
         open_edges,
-        components: mesh.components(),
+        components,
         dropped_parts,
         seconds,
     };

@@ -3,12 +3,15 @@
 use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Unit, Vector3};
 use rayon::prelude::*;
 
-use super::grid::Grid;
+use super::{
+    grid::{Grid, Neighbour},
+    outlier::median,
+};
 
 /// A plane that approximates the surface near one sample.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Tangent {
-    /// Weighted centroid of the neighbourhood, metres.
+    /// The sample's foot on the plane or, of a plain fit, the weighted centroid of the neighbourhood, metres.
     pub origin: Point3<f64>,
     /// Unit normal: direction of least variance; of either sign until oriented.
     pub normal: Unit<Vector3<f64>>,
@@ -22,41 +25,161 @@ impl Tangent {
     }
 }
 
+/// Least scatter of the samples about their planes that is counted on, as a share of the neighbourhood's radius: cleaner
+/// clouds than this still scatter by their curvature.
+const LEAST_SCATTER: f64 = 0.02;
+
+/// Distance from the plane, in scatters, at which a neighbour loses most of its say.
+const TOLERANCE: f64 = 2.5;
+
+/// How far an edge of 30 degrees, the least that counts as one, lifts its neighbourhood's border over the mean plane, as a
+/// share of the radius: half of the tangent of 15 degrees.
+const EDGE_HEIGHT: f64 = 0.134;
+
+/// Rounds of reweighting. The last two hardly move anything.
+const ROUNDS: usize = 4;
+
 /// Fits a plane to the `k` nearest neighbours of each point, or to those within `radius_m` when they are more: `k`
-/// alone would describe noise wherever the samples lie closer than their noise.
+/// alone would describe noise wherever the samples lie closer than their noise. `None` for a sample whose neighbourhood
+/// is a line or a point.
 ///
-/// Weights fall off as a Gaussian of the distance, which keeps the origin near its sample where a plain centroid would
-/// cut edges and shrink small radii. `None` for a sample whose neighbourhood is a line or a point.
+/// Hoppe's plain fit rounds every edge by the size of its neighbourhood: beside an edge it takes both faces for one. So
+/// the fit is robust, in two steps. Each sample begins with the plane, of those fitted plainly around its neighbours and
+/// itself, that describes it and its own neighbours best: beside an edge that is one from further inside its face (the
+/// idea of Kuwahara's filter). Then it is fitted again, with weights that fall off with a neighbour's distance from the
+/// plane, as with its distance from the sample. The origin is the sample's foot on its plane, and not the neighbours'
+/// centroid, which draws away from borders and edges.
+///
+/// Where the samples scatter so much that an edge would not show above it, as where sweeps of a scanner do not quite fit
+/// onto each other, two layers of one face would be taken for two faces. The planes are then Hoppe's plain ones.
 #[must_use]
-pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) -> Vec<Option<Tangent>> {
-    points
+pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) -> Tangents {
+    let near: Vec<Vec<Neighbour>> = points
         .par_iter()
-        .map_init(Vec::new, |found, point| {
-            grid.nearest(point, k, found);
+        .map(|point| {
+            let mut found = Vec::with_capacity(k);
+            grid.nearest(point, k, &mut found);
             if found.last().is_some_and(|last| last.0 < radius_m * radius_m) {
-                grid.within(point, radius_m, found);
+                grid.within(point, radius_m, &mut found);
             }
-            fit(points, point, found)
+            found
         })
-        .collect()
+        .collect();
+    let plain: Vec<Option<Fit>> = points
+        .par_iter()
+        .zip(&near)
+        .map(|(point, near)| {
+            // The core of the neighbourhood: the smaller, the nearer to an edge it is still on one face.
+            let core = (near.len() * 2 / 3).max(FEWEST).min(near.len());
+            fit(points, point, &near[..core], |_| 1.0)
+        })
+        .collect();
+    let scatter_m = median(plain.iter().flatten().map(|fit| fit.scatter_m).collect());
+    let reach_m = median(near.iter().filter_map(|near| near.last()).map(|last| last.0.sqrt()).collect());
+    let shows_edges = TOLERANCE * scatter_m < EDGE_HEIGHT * reach_m;
+    let whole = |(point, near): (&Point3<f64>, &Vec<Neighbour>)| {
+        let Fit { centroid, normal, .. } = fit(points, point, near, |_| 1.0)?;
+        Some(Tangent { origin: centroid, normal })
+    };
+    let each = points.par_iter().zip(&near);
+    let planes = if shows_edges {
+        each.map(|(point, near)| robust(points, point, near, &plain, scatter_m)).collect()
+    } else {
+        each.map(whole).collect()
+    };
+    Tangents { planes, shows_edges }
 }
 
-fn fit(points: &[Point3<f64>], center: &Point3<f64>, neighbours: &[(f64, u32)]) -> Option<Tangent> {
+/// The tangent planes of a cloud.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tangents {
+    /// One for each point, in their order.
+    pub planes: Vec<Option<Tangent>>,
+    /// Whether the points scatter so little about their planes that an edge of 30 degrees shows.
+    pub shows_edges: bool,
+}
+
+/// Fewest neighbours of a plain fit.
+const FEWEST: usize = 6;
+
+/// A plane and how the points scatter about it.
+#[derive(Debug, Clone, Copy)]
+struct Fit {
+    centroid: Point3<f64>,
+    normal: Unit<Vector3<f64>>,
+    /// Weighted standard deviation of the heights over the plane.
+    scatter_m: f64,
+}
+
+impl Fit {
+    fn height(&self, point: &Point3<f64>) -> f64 {
+        self.normal.dot(&(point - self.centroid))
+    }
+}
+
+fn robust(
+    points: &[Point3<f64>],
+    point: &Point3<f64>,
+    neighbours: &[Neighbour],
+    plain: &[Option<Fit>],
+    scatter_m: f64,
+) -> Option<Tangent> {
+    let reach2 = neighbours.last()?.0;
+    let tolerance_m = TOLERANCE * scatter_m.max(LEAST_SCATTER * reach2.sqrt());
+    let agreement = |height: f64| (-0.5 * (height / tolerance_m).powi(2)).exp();
+    // Neighbours are ordered by distance: of equals the nearest wins, on any number of threads.
+    let mut best: Option<(f64, Fit)> = None;
+    for &(_, i) in neighbours {
+        let Some(candidate) = plain[i as usize] else { continue };
+        let support: f64 = neighbours
+            .iter()
+            .map(|&(d2, j)| falloff(d2, reach2) * agreement(candidate.height(&points[j as usize])))
+            .sum();
+        let score = agreement(candidate.height(point)) * support
+            / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
+        if best.as_ref().is_none_or(|(most, _)| score > *most) {
+            best = Some((score, candidate));
+        }
+    }
+    let mut plane = best?.1;
+    for _ in 0..ROUNDS {
+        let Some(next) = fit(points, point, neighbours, |p| agreement(plane.height(p))) else { break };
+        plane = next;
+    }
+    Some(Tangent { origin: point - plane.normal.into_inner() * plane.height(point), normal: plane.normal })
+}
+
+/// Weight of a neighbour by its squared distance, of the neighbourhood's squared radius.
+fn falloff(d2: f64, reach2: f64) -> f64 {
+    (-2.0 * d2 / reach2).exp()
+}
+
+/// Weighted least squares.
+fn fit(
+    points: &[Point3<f64>],
+    center: &Point3<f64>,
+    neighbours: &[Neighbour],
+    trust: impl Fn(&Point3<f64>) -> f64,
+) -> Option<Fit> {
     let reach2 = neighbours.last()?.0;
     if reach2 <= 0.0 {
         return None;
     }
-    let weight = |d2: f64| (-2.0 * d2 / reach2).exp();
+    let weight = |d2: f64, i: u32| falloff(d2, reach2) * trust(&points[i as usize]);
     let (mut total, mut mean) = (0.0, Vector3::zeros());
     for &(d2, i) in neighbours {
-        total += weight(d2);
-        mean += (points[i as usize] - center) * weight(d2);
+        let weight = weight(d2, i);
+        total += weight;
+        mean += (points[i as usize] - center) * weight;
+    }
+    if total <= f64::MIN_POSITIVE {
+        return None;
     }
     mean /= total;
     let mut covariance = Matrix3::zeros();
     for &(d2, i) in neighbours {
         let offset = points[i as usize] - center - mean;
-        covariance += offset * offset.transpose() * (weight(d2) / (total * reach2));
+        covariance += offset * offset.transpose() * (weight(d2, i) / (total * reach2));
     }
     let eigen = SymmetricEigen::new(covariance);
     let mut order = [0, 1, 2];
@@ -66,7 +189,8 @@ fn fit(points: &[Point3<f64>], center: &Point3<f64>, neighbours: &[(f64, u32)]) 
         return None;
     }
     let normal = Unit::try_new(eigen.eigenvectors.column(order[0]).into_owned(), 1e-12)?;
-    Some(Tangent { origin: center + mean, normal })
+    let scatter_m = (eigen.eigenvalues[order[0]].max(0.0) * reach2).sqrt();
+    Some(Fit { centroid: center + mean, normal, scatter_m })
 }
 
 #[cfg(test)]
@@ -79,12 +203,36 @@ mod tests {
         let (u, v) = (Vector3::new(2.0, -2.0, 1.0) / 3.0, Vector3::new(2.0, 1.0, -2.0) / 3.0);
         let sheet: Vec<_> =
             (0..100).map(|i| Point3::from(u * f64::from(i % 10) + v * f64::from(i / 10))).collect();
-        for tangent in tangents(&sheet, &Grid::for_surface(&sheet), 9, 0.0) {
+        for tangent in tangents(&sheet, &Grid::for_surface(&sheet), 9, 0.0).planes {
             let tangent = tangent.unwrap();
             assert!((tangent.normal.dot(&normal).abs() - 1.0).abs() < 1e-12);
             assert!(tangent.origin.coords.dot(&normal).abs() < 1e-12);
         }
         let line: Vec<_> = (0..50).map(|i| Point3::from(u * f64::from(i))).collect();
-        assert!(tangents(&line, &Grid::for_surface(&line), 9, 0.0).iter().all(Option::is_none));
+        assert!(tangents(&line, &Grid::for_surface(&line), 9, 0.0).planes.iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn edges_show_on_clean_samples_and_not_under_layers() {
+        // A roof of 90 degrees, sampled a millimetre apart, in five layers that are apart by `layer_m`.
+        let roof = |layer_m: f64| -> Vec<Point3<f64>> {
+            let at = |i: i32, k: i32| {
+                let (x, y) = (f64::from(i) * 1e-3, f64::from(k) * 1e-3);
+                Point3::new(x, y, -x.abs() + layer_m * f64::from((7 * i + 3 * k).rem_euclid(5) - 2))
+            };
+            (-20..=20).flat_map(|i| (-20..=20).map(move |k| at(i, k))).collect()
+        };
+        let fitted = |points: &[Point3<f64>]| tangents(points, &Grid::for_surface(points), 12, 1.5e-3);
+        let clean = roof(0.0);
+        let found = fitted(&clean);
+        assert!(found.shows_edges);
+        // Beside the ridge every plane is still that of its own side.
+        for (point, plane) in clean.iter().zip(&found.planes) {
+            if (1.5e-3..15e-3).contains(&point.x) && point.y.abs() < 15e-3 {
+                let normal = plane.unwrap().normal;
+                assert!((normal.x - normal.z).abs() < 0.02, "{normal:?} at {point}");
+            }
+        }
+        assert!(!fitted(&roof(0.4e-3)).shows_edges);
     }
 }

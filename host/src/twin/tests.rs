@@ -224,6 +224,7 @@ fn cube_grasp(tip_friction: f64) -> CubeGrasp {
     let contacts = fingers.map(|(_, place, inward_normal): (_, _, Unit<Vector3<f64>>)| GripContact {
         point: Point3::from(cube_in_palm + place),
         inward_normal,
+        friction: 0.4,
     });
     let angles = |finger: FingerId, contact: &GripContact, clearance_m: f64| {
         let outward = -contact.inward_normal.into_inner() * (model.finger.tip_radius_m + clearance_m);
@@ -241,7 +242,7 @@ fn cube_grasp(tip_friction: f64) -> CubeGrasp {
     grasp.fingers[3] = FingerAngles { abduction_rad: 0.0, flexion_rad: -0.05, middle_rad: 1.3 };
     let mut pregrasp = grasp;
     let mut forces = [None; 4];
-    let balanced = balanced_forces(&contacts, 0.2, 8.0, LEAST_TIP_SHARE).unwrap();
+    let balanced = balanced_forces(&contacts, 0.5, 8.0, LEAST_TIP_SHARE).unwrap();
     for ((finger, contact), force) in ids.into_iter().zip(&contacts).zip(balanced) {
         grasp.fingers[finger.index()] = angles(finger, contact, 0.0);
         pregrasp.fingers[finger.index()] = angles(finger, contact, 0.01);

@@ -21,7 +21,7 @@ const BOX_OFF: &str = "OFF\n8 6 0\n-0.025 -0.025 0\n0.025 -0.025 0\n0.025 0.025 
 pub(crate) fn fill(folder: &Path) {
     let write = |name: &str, content: &[u8]| fs::write(folder.join(name), content).unwrap();
     // Folders whose names could be those of outputs, and what is already there under the outputs' names.
-    for name in ["folder", "folder.ply", "folder.stl", "kept"] {
+    for name in ["folder", "folder.ply", "folder.stl", "folder.toml", "kept"] {
         fs::create_dir(folder.join(name)).unwrap();
     }
     for name in ["kept.ply", "kept.stl", "kept.xyz", "kept.json"] {
@@ -49,6 +49,7 @@ pub(crate) fn fill(folder: &Path) {
         ("line.xyz", &(0..99).map(|k| format!("{k} 0 0\n")).collect::<String>()),
         ("nan.xyz", &"nan 0 0\n0 inf 0\n1 2 3\n".repeat(40)),
         ("astronomic.xyz", &"1e300 0 0\n-1e300 0 1\n0 1e300 0\n1 1 1e300\n".repeat(40)),
+        ("short.toml", "name = \"x\"\n[geometry]\na1_m = 0\na2_m = 0\nb_m = 0\nc1_m = 0.4\n"),
         ("words.xyz", "0 0 0\neast 0 0\n"),
     ] {
         write(name, text.as_bytes());
@@ -102,6 +103,7 @@ fn plan_damages() -> Vec<(&'static str, &'static str, Value)> {
     vec![
         ("other-format.json", "/format", json!("plan")),
         ("other-version.json", "/version", json!(99)),
+        ("other-arm.json", "/arm", json!("UR5")),
         ("no-grasp.json", "/grasps", json!([])),
         ("grasps-are-text.json", "/grasps", json!("none")),
         ("more-fields.json", "/object/colour", json!("red")),

@@ -48,6 +48,43 @@ fn files_lead_from_scan_to_lift() {
 }
 
 #[test]
+fn an_arm_from_a_file_starts_where_it_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |call: &str| prehend(folder.path(), call);
+    let rx60 = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/arms/rx60.toml")).unwrap();
+    fs::write(folder.path().join("mine.toml"), rx60.replace("name = \"Stäubli RX60\"", "name = \"mine\""))
+        .unwrap();
+    run("plan cube --strategy paper --top 1 --arm mine.toml --start 10,-7,75,0,92,-20 -o mine.json")
+        .ends_with(0);
+    run("plan cube --strategy paper --top 1 -o rx60.json").ends_with(0);
+    let read = |name: &str| -> Value {
+        serde_json::from_slice(&fs::read(folder.path().join(name)).unwrap()).unwrap()
+    };
+    let (mine, rx60) = (read("mine.json"), read("rx60.json"));
+    assert_eq!(mine["arm"], "mine");
+    let motion = |plan: &Value, path: &str| number(plan, &format!("/grasps/0/arm_motion/{path}"));
+    for (axis, degrees) in [10.0, -7.0, 75.0, 0.0, 92.0, -20.0_f64].into_iter().enumerate() {
+        assert_eq!(motion(&mine, &format!("transfer/0/q_rad/{axis}")), degrees.to_radians());
+    }
+    // The same arm, so the same grasp, and the same last way to it.
+    for axis in 0..6 {
+        let [a, b] = [&mine, &rx60].map(|plan| motion(plan, &format!("lift/0/q_rad/{axis}")));
+        assert!((a - b).abs() < 1e-9, "axis {}: {a} {b}", axis + 1);
+    }
+    // The fingers arrive together: the last knot is the grasp, at rest.
+    let grasp = &mine["grasps"][0];
+    let knots = grasp["finger_motion"]["knots"].as_array().unwrap();
+    let last = knots.last().unwrap();
+    assert_eq!((&last["q_rad"], &last["t_s"]), (&grasp["grasp"], &grasp["finger_motion"]["contact_s"]));
+    assert_eq!(knots[0]["q_rad"], grasp["pregrasp"]);
+    assert!(last["qd_rad_per_s"].as_object().unwrap().values().all(|speed| speed.as_f64() == Some(0.0)));
+
+    let refused = run("export mine.json --format moveit -o grasps.yaml");
+    assert!(refused.status == 2 && refused.stderr.contains("give its file by --arm"), "{}", refused.stderr);
+    run("export mine.json --format moveit --arm mine.toml -o grasps.yaml").ends_with(0);
+}
+
+#[test]
 fn text_for_people_names_what_was_written() {
     let folder = tempfile::tempdir().unwrap();
     for (call, words) in [

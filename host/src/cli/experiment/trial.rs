@@ -13,6 +13,7 @@ use crate::cli::scan;
 use crate::exec::Verdict;
 use crate::object::{BuiltIn, DESIGN_FRICTION};
 use crate::plan::search::attempt_rng;
+use crate::plan::seen::SeenSurface;
 use crate::scan::SweepSettings;
 
 /// Mass that every object is gripped for, kg: the robot does not know the true one, so it counts on the heaviest of the
@@ -122,7 +123,8 @@ pub(super) fn run(protocol: &Protocol, index: usize) -> anyhow::Result<Trial> {
         mass_kg: PLANNED_MASS_KG,
         seed: search_seed,
     };
-    let (_, planned) = search.run(surface.mesh, "scan", 1, &|_| {})?;
+    let seen = SeenSurface::of_cloud(&scan.cloud.points, surface.report.spacing_m);
+    let (_, planned) = search.run(surface.mesh, seen, "scan", 1, &|_| {})?;
     trial.plan_s = clock.elapsed().as_secs_f64();
 
     let document = planned.document;

@@ -1,7 +1,11 @@
 use super::*;
 
 fn contact(point: [f64; 3], normal: [f64; 3]) -> GripContact {
-    GripContact { point: Point3::from(point), inward_normal: Unit::new_normalize(Vector3::from(normal)) }
+    GripContact {
+        point: Point3::from(point),
+        inward_normal: Unit::new_normalize(Vector3::from(normal)),
+        friction: 0.4,
+    }
 }
 
 /// Thumb on +x, two fingers on -x of a 50 mm box; the thumb 3 mm off the middle.
@@ -16,7 +20,7 @@ fn box_grip() -> Vec<GripContact> {
 #[test]
 fn opposed_contacts_balance_within_their_cones() {
     let contacts = box_grip();
-    let forces = balanced_forces(&contacts, 0.2, 12.0, LEAST_TIP_SHARE).unwrap();
+    let forces = balanced_forces(&contacts, 0.5, 12.0, LEAST_TIP_SHARE).unwrap();
     let (mut force, mut torque, mut normal) = (Vector3::zeros(), Vector3::zeros(), 0.0);
     for (contact, f) in contacts.iter().zip(&forces) {
         let n = f.dot(&contact.inward_normal);
@@ -31,14 +35,28 @@ fn opposed_contacts_balance_within_their_cones() {
 }
 
 #[test]
+fn every_contact_keeps_to_its_own_friction() {
+    let mut contacts = box_grip();
+    contacts[1].friction = 0.25;
+    contacts[2].friction = 0.25;
+    for (contact, f) in contacts.iter().zip(balanced_forces(&contacts, 1.0, 12.0, 0.0).unwrap()) {
+        let n = f.dot(&contact.inward_normal);
+        let t = (f - contact.inward_normal.into_inner() * n).norm();
+        assert!(t <= contact.friction * n * (1.0 + 1e-9), "{n} {t}");
+    }
+    contacts[0].friction = f64::NAN;
+    assert!(matches!(balanced_forces(&contacts, 1.0, 12.0, 0.0), Err(GripError::NotFinite { .. })));
+}
+
+#[test]
 fn contacts_on_one_side_are_refused() {
     let mut contacts = box_grip();
     contacts[0].inward_normal = Unit::new_normalize(Vector3::new(1.0, 0.0, 0.0));
     assert!(matches!(
-        balanced_forces(&contacts, 0.2, 12.0, LEAST_TIP_SHARE),
+        balanced_forces(&contacts, 0.5, 12.0, LEAST_TIP_SHARE),
         Err(GripError::Unbalanced { .. })
     ));
-    assert_eq!(balanced_forces(&contacts[..1], 0.2, 12.0, LEAST_TIP_SHARE), Err(GripError::TooFew(1)));
+    assert_eq!(balanced_forces(&contacts[..1], 0.5, 12.0, LEAST_TIP_SHARE), Err(GripError::TooFew(1)));
     assert!(matches!(
         balanced_forces(&contacts, f64::NAN, 12.0, LEAST_TIP_SHARE),
         Err(GripError::NotFinite { .. })

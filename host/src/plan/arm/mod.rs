@@ -11,6 +11,7 @@
 //! Nothing here knows about time; see [`super::timing`].
 mod collision;
 pub mod distance;
+mod file;
 mod forward;
 mod inverse;
 mod limits;
@@ -25,6 +26,7 @@ use nalgebra::Isometry3;
 use thiserror::Error;
 
 pub use collision::LinkCapsule;
+pub use file::ArmFileError;
 pub use inverse::{Branch, Elbow, Inverse, Shoulder, Solution, Solutions, Wrist};
 pub use limits::{JointLimits, LimitCheck};
 pub use line::{LineBlock, LineOutcome};

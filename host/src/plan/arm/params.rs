@@ -58,13 +58,13 @@ pub struct ArmParams {
     pub capsules: Vec<LinkCapsule>,
 }
 
-/// Time in which the RX60 is taken to reach full speed. The manual gives no accelerations, so this is an assumption: with
-/// 0.3 s axis 1 speeds up the wrist of the stretched arm (0.6 m) by 10 m/s^2.
-const RX60_RUN_UP_S: f64 = 0.3;
+/// Time in which an arm is taken to reach full speed where its maker gives no accelerations, as the RX60's does not. An
+/// assumption: with 0.3 s axis 1 of the RX60 speeds up the wrist of the stretched arm (0.6 m) by 10 m/s^2.
+pub(super) const RUN_UP_S: f64 = 0.3;
 
-/// Time in which the RX60 is taken to reach full acceleration. No jerk is published: this is an assumption, of the order
-/// of the controllers of such arms, and above a period of their lowest resonance.
-const RX60_JERK_RISE_S: f64 = 0.1;
+/// Time in which an arm is taken to reach full acceleration where no jerk is published, as for the RX60. An assumption: of
+/// the order of what controllers of such arms do, and above a period of their lowest resonance.
+pub(super) const JERK_RISE_S: f64 = 0.1;
 
 /// Angles of the formulas at rest: the upper arm leans back a little, the forearm reaches forward, and the hand hangs
 /// over the working space, leaning out. On the RX60 the stretched fingers then end 0.4 m above the table.
@@ -118,7 +118,7 @@ impl ArmParams {
     /// Stäubli RX60.
     ///
     /// Limits, speeds, payload and wrist torques are the manual's tables; accelerations and jerks are assumed (see
-    /// `RX60_RUN_UP_S`, `RX60_JERK_RISE_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
+    /// `RUN_UP_S`, `JERK_RISE_S`). The manual is for the "B" series; for the plain RX60 the lengths are the same and the speeds
     /// may differ.
     #[must_use]
     pub fn rx60() -> Self {
@@ -131,8 +131,8 @@ impl ArmParams {
                 upper_rad: [160.0_f64, 127.5, 134.5, 270.0, 120.5, 270.0].map(f64::to_radians),
             },
             speed_rad_per_s,
-            acceleration_rad_per_s2: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S),
-            jerk_rad_per_s3: speed_rad_per_s.map(|speed| speed / RX60_RUN_UP_S / RX60_JERK_RISE_S),
+            acceleration_rad_per_s2: speed_rad_per_s.map(|speed| speed / RUN_UP_S),
+            jerk_rad_per_s3: speed_rad_per_s.map(|speed| speed / RUN_UP_S / JERK_RISE_S),
             cartesian_speed_m_per_s: 1.8,
             load: LoadRating::rx60(),
             rest_rad: REST_THETA,
@@ -222,6 +222,32 @@ fn rx60_capsules() -> Vec<LinkCapsule> {
         capsule(3, [0.0, 0.0, 0.0], [0.0, 0.0, 0.251], 0.059),
         capsule(4, [0.0, 0.0, -0.046], [0.0, 0.0, 0.0], 0.046),
         capsule(5, [0.0, 0.0, 0.0], [0.0, 0.0, 0.030], 0.035),
+    ]
+}
+
+/// Bodies of an arm of which only the lengths are known: the radii of the RX60, scaled by the length of upper arm and
+/// forearm, about the lines from joint to joint.
+pub(super) fn default_capsules(g: &OpwGeometry) -> Vec<LinkCapsule> {
+    let scale = (g.c2_m + g.forearm_m()) / 0.600;
+    let [base, upper, fore, wrist, last] = [0.115, 0.094, 0.059, 0.046, 0.035].map(|radius| radius * scale);
+    let capsule = |link, from: [f64; 3], to: [f64; 3], radius_m| LinkCapsule {
+        link,
+        from: Point3::from(from),
+        to: Point3::from(to),
+        radius_m,
+    };
+    // The base stands on its mounting plane, and the wrist's last link ends flush with the flange.
+    let base = base.min(0.5 * g.c1_m.abs().max(0.02));
+    let last = last.min(0.5 * g.c4_m.abs().max(0.02));
+    let short = |length: f64, by: f64| length.signum() * (length.abs() - by).max(0.0);
+    vec![
+        capsule(0, [0.0, 0.0, base.copysign(g.c1_m)], [0.0, 0.0, short(g.c1_m, base)], base),
+        capsule(1, [0.0; 3], [g.a1_m, 0.0, 0.0], base),
+        capsule(2, [0.0; 3], [0.0, g.b_m, g.c2_m], upper),
+        capsule(3, [0.0; 3], [g.a2_m, 0.0, 0.0], fore),
+        capsule(3, [g.a2_m, 0.0, 0.0], [g.a2_m, 0.0, short(g.c3_m, fore)], fore),
+        capsule(4, [0.0, 0.0, -wrist], [0.0; 3], wrist.min(fore)),
+        capsule(5, [0.0; 3], [0.0, 0.0, short(g.c4_m, last)], last),
     ]
 }
 

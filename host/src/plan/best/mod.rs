@@ -9,7 +9,7 @@ use rand_distr::StandardNormal;
 
 use super::attempt::Grasp;
 use super::paper::initial_proposals;
-use super::preshape::PreshapeTable;
+use super::preshape::{PreshapeTable, tables};
 use super::propose::variants;
 use super::scene::Scene;
 use super::search::{Proposal, SearchResult, SearchSettings, Tried, attempt_rng, perturbed, record, try_all};
@@ -43,13 +43,7 @@ const BATCH: usize = 64;
 /// Runs the search. `progress` is told the number of attempts so far.
 #[must_use]
 pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)) -> SearchResult {
-    let mut tables: Vec<PreshapeTable> = scene
-        .hand
-        .candidates
-        .iter()
-        .enumerate()
-        .map(|(typical, candidate)| PreshapeTable::new(typical, candidate.clone()))
-        .collect();
+    let mut tables = tables(&scene.hand);
     tables.extend(variants(scene, VARIANTS, &mut attempt_rng(settings.seed, usize::MAX - 1)));
     let mut result = SearchResult::empty();
     if tables.is_empty() {

@@ -78,7 +78,7 @@ fn robustness(scene: &Scene, grasp: &Grasp, seed: u64, scratch: &mut AttemptScra
         let measured = grasp.contacts.iter().filter(|c| seen.is_seen(&c.contact.point_in_object())).count();
         measured as f64 / grasp.contacts.len().max(1) as f64
     };
-    let limit_margin = scene.hand.limit_margin(&grasp.grasp);
+    let limit_margin = scene.hand.limit_margin(&grasp.grasp, candidate.fingers());
     let closure_chance = f64::from(closures) / SAMPLES as f64;
     let expected_epsilon = sum / SAMPLES as f64;
     let cramped = 0.5 + 0.5 * (limit_margin / MARGIN_WANTED).clamp(0.0, 1.0);

@@ -20,7 +20,10 @@ const NOWHERE: f32 = 1.0e18;
 
 /// Rounding of a box's corner, of the asked point and of their difference, in units of the object's size and of the
 /// point's distance from its centre, with room to spare: single precision rounds by 6e-8.
-const ROUNDING: f64 = 4.0e-7;
+const ROUNDING: f64 = 1.0e-6;
+
+/// Share of a square that the difference of two like it may be wrong by.
+const CANCELLATION: f32 = 1.0e-6;
 
 /// Smallest size of an object that boxes are scaled to, metres: below it scaled coordinates would overflow.
 const SMALLEST_M: f64 = 1.0e-9;
@@ -47,19 +50,78 @@ impl Node {
         };
         [fold(&self.low, f32::min), fold(&self.high, f32::max)]
     }
+}
 
-    /// Square of the distance from a point to each box.
-    fn distances_squared(&self, point: &[f32; 3]) -> [f32; WIDTH] {
-        let mut sum = [0.0; WIDTH];
-        for ((low, high), &x) in self.low.iter().zip(&self.high).zip(point) {
-            for child in 0..WIDTH {
-                let (below, above) = (low[child] - x, x - high[child]);
-                let out = if below > above { below } else { above };
-                let out = if out > 0.0 { out } else { 0.0 };
-                sum[child] += out * out;
-            }
+/// Flat round boxes about a node's children: between two planes, within a radius about the line across them. A patch of
+/// surface is flat and lies askew, so that these are much nearer to it than upright boxes.
+struct Discs {
+    center: [[f32; WIDTH]; 3],
+    normal: [[f32; WIDTH]; 3],
+    radius: [f32; WIDTH],
+    half_height: [f32; WIDTH],
+}
+
+impl Discs {
+    const EMPTY: Self = Self {
+        center: [[NOWHERE; WIDTH]; 3],
+        normal: [[0.0; WIDTH]; 3],
+        radius: [0.0; WIDTH],
+        half_height: [0.0; WIDTH],
+    };
+
+    /// Puts one about triangles in the tree's units.
+    fn set(&mut self, child: usize, triangles: &[Triangle], scaled: &impl Fn(Vector) -> Vector) {
+        let mut sum = Vector::ZERO;
+        let (mut low, mut high) = (Vector::INFINITY, Vector::NEG_INFINITY);
+        for t in triangles {
+            let [a, b, c] = [t.a, t.b, t.c].map(scaled);
+            (low, high) = (low.min(a).min(b).min(c), high.max(a).max(b).max(c));
+            let normal = (b - a).cross(c - a);
+            // The two sides of a thin wall count alike.
+            sum += if normal.dot(sum) < 0.0 { -normal } else { normal };
         }
-        sum
+        // As rounded, since distances are measured with it so.
+        let normal = sum.try_normalize().unwrap_or(Vector::X).as_vec3().as_dvec3();
+        let mut center = 0.5 * (low + high);
+        let [mut lowest, mut highest] = [f64::INFINITY, f64::NEG_INFINITY];
+        for corner in triangles.iter().flat_map(|t| [t.a, t.b, t.c]) {
+            let height = (scaled(corner) - center).dot(normal);
+            (lowest, highest) = (lowest.min(height), highest.max(height));
+        }
+        center = (center + normal * (0.5 * (lowest + highest))).as_vec3().as_dvec3();
+        let (mut radius, mut half_height) = (0.0_f64, 0.0_f64);
+        for corner in triangles.iter().flat_map(|t| [t.a, t.b, t.c]) {
+            let away = scaled(corner) - center;
+            let height = away.dot(normal);
+            half_height = half_height.max(height.abs());
+            radius = radius.max((away - normal * height).length());
+        }
+        for axis in 0..3 {
+            self.center[axis][child] = center[axis] as f32;
+            self.normal[axis][child] = normal[axis] as f32;
+        }
+        // Up, so that what is in stays in.
+        (self.radius[child], self.half_height[child]) =
+            ((radius as f32).next_up(), (half_height as f32).next_up());
+    }
+
+    /// Square of the distance from a point to each disc, too small by rounding at most.
+    fn distances_squared(&self, point: &[f32; 3]) -> [f32; WIDTH] {
+        std::array::from_fn(|child| {
+            let x = point[0] - self.center[0][child];
+            let y = point[1] - self.center[1][child];
+            let z = point[2] - self.center[2][child];
+            let height =
+                (x * self.normal[0][child] + y * self.normal[1][child] + z * self.normal[2][child]).abs();
+            // What rounding leaves of a difference of squares is not known to be more than this.
+            let across = (x * x + y * y + z * z) * (1.0 - CANCELLATION) - height * height;
+            let across = if across > 0.0 { across } else { 0.0 };
+            let out = across.sqrt() - self.radius[child];
+            let out = if out > 0.0 { out } else { 0.0 };
+            let above = height - self.half_height[child];
+            let above = if above > 0.0 { above } else { 0.0 };
+            out * out + above * above
+        })
     }
 }
 
@@ -125,6 +187,8 @@ pub(super) struct Tree {
     triangles: Vec<Triangle>,
     /// Level by level, those that hold triangles first, the root last.
     nodes: Vec<Node>,
+    /// Beside the nodes.
+    discs: Vec<Discs>,
     /// Where each level begins in `nodes`.
     levels: Vec<usize>,
     center: Vector,
@@ -179,7 +243,23 @@ impl Tree {
             levels.push(end);
             children = count;
         }
-        (Self { triangles, nodes, levels, center, per_m }, order)
+        let unrounded = |p: Vector| (p - center) * per_m;
+        let mut discs = Vec::with_capacity(nodes.len());
+        let mut span = 1;
+        for (level, &begin) in levels.iter().enumerate() {
+            let end = levels.get(level + 1).copied().unwrap_or(nodes.len());
+            discs.par_extend((0..end - begin).into_par_iter().map(|index| {
+                let mut discs = Discs::EMPTY;
+                let first = index * WIDTH * span;
+                let under = &triangles[first..triangles.len().min(first + WIDTH * span)];
+                for (child, part) in under.chunks(span).enumerate() {
+                    discs.set(child, part, &unrounded);
+                }
+                discs
+            }));
+            span *= WIDTH;
+        }
+        (Self { triangles, nodes, discs, levels, center, per_m }, order)
     }
 
     pub(super) fn triangles(&self) -> &[Triangle] {
@@ -188,7 +268,9 @@ impl Tree {
 
     /// Bytes on the heap.
     pub(super) fn bytes(&self) -> usize {
-        self.triangles.capacity() * size_of::<Triangle>() + self.nodes.capacity() * size_of::<Node>()
+        self.triangles.capacity() * size_of::<Triangle>()
+            + self.nodes.capacity() * size_of::<Node>()
+            + self.discs.capacity() * size_of::<Discs>()
     }
 
     fn scaled(&self, point: Vector) -> [f32; 3] {
@@ -246,7 +328,7 @@ impl Tree {
 
     /// Whether `hit` says yes to any triangle that a box may overlap.
     pub(super) fn any_in_box(&self, region: &TurnedBox, hit: &mut impl FnMut(&Triangle) -> bool) -> bool {
-        self.any(self.levels.len() - 1, 0, &|node: &Node| region.overlaps(node), hit)
+        self.any(self.levels.len() - 1, 0, &|node: usize| region.overlaps(&self.nodes[node]), hit)
     }
 
     /// Whether `hit` says yes to any triangle that may be as near to a point as `reach_m`.
@@ -258,18 +340,19 @@ impl Tree {
     ) -> bool {
         let scaled = self.scaled(center);
         let limit = limit(reach_m * self.per_m, self.rounding(center));
-        let overlaps = |node: &Node| node.distances_squared(&scaled).map(|squared| squared <= limit);
+        let overlaps =
+            |node: usize| self.discs[node].distances_squared(&scaled).map(|squared| squared <= limit);
         self.any(self.levels.len() - 1, 0, &overlaps, hit)
     }
 
-    fn any<O: Fn(&Node) -> [bool; WIDTH], H: FnMut(&Triangle) -> bool>(
+    fn any<O: Fn(usize) -> [bool; WIDTH], H: FnMut(&Triangle) -> bool>(
         &self,
         level: usize,
         index: usize,
         overlaps: &O,
         hit: &mut H,
     ) -> bool {
-        let overlap = overlaps(&self.nodes[self.levels[level] + index]);
+        let overlap = overlaps(self.levels[level] + index);
         self.children(level, index).zip(overlap).any(|(child, overlap)| {
             overlap
                 && match level {
@@ -302,7 +385,7 @@ impl Search<'_> {
     }
 
     fn descend(&mut self, level: usize, index: usize) {
-        let squared = self.tree.nodes[self.tree.levels[level] + index].distances_squared(&self.scaled);
+        let squared = self.tree.discs[self.tree.levels[level] + index].distances_squared(&self.scaled);
         let children = self.tree.children(level, index);
         let count = children.len();
         // The nearest child first; the others seldom stay within the limit that it leaves.

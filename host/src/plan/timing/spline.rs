@@ -9,8 +9,9 @@ use super::{MotionLimits, PointSpeed};
 use crate::plan::arm::Joints;
 use crate::plan::trajectory::{JointTrajectory, Knot, TrajectoryError};
 
-/// Cubic pieces whose third differences agree to this, rad, are one cubic.
-const SAME_RAD: f64 = 1e-12;
+/// Cubic pieces whose jerks differ by less than this share of the limit become one: it halves the knots of a straight line.
+/// The acceleration then has steps of as small a share of what it can change by in one spacing.
+const SAME_JERK: f64 = 1e-4;
 
 /// Control points, the first three and the last three equal (rest at both ends), `h` seconds apart.
 pub(super) struct TimeSpline {
@@ -50,8 +51,9 @@ impl TimeSpline {
     }
 
     /// The motion as cubic pieces.
-    pub(super) fn trajectory(&self) -> Result<JointTrajectory, TrajectoryError> {
+    pub(super) fn trajectory(&self, limits: &MotionLimits) -> Result<JointTrajectory, TrajectoryError> {
         let h = self.h_s;
+        let same = limits.jerk_rad_per_s3.map(|jerk| SAME_JERK * jerk * h * h * h);
         let third = |k: usize, i: usize| {
             let q = |k: usize| self.points[k][i];
             q(k + 2) - 3.0 * q(k + 1) + 3.0 * q(k) - q(k - 1)
@@ -63,7 +65,7 @@ impl TimeSpline {
         let mut since = 1;
         for k in 1..=last {
             // One cubic does for several spacings with one jerk.
-            if k > 1 && k < last && (0..6).all(|i| (third(k, i) - third(since, i)).abs() <= SAME_RAD) {
+            if k > 1 && k < last && (0..6).all(|i| (third(k, i) - third(since, i)).abs() <= same[i]) {
                 continue;
             }
             since = k;

@@ -4,7 +4,7 @@
 //! that follows one profile, the joints of all fingers for example, arrives at the same time and softly.
 
 /// Share of the time that each of take-off and set-down takes.
-const BLEND: f64 = 0.4;
+pub(super) const BLEND: f64 = 0.4;
 
 /// Progress along a motion.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -1,4 +1,5 @@
-//! The metric in a warmed workspace allocates nothing, so that a planner's threads do not wait for each other.
+//! The metric in a warmed workspace and grasp attempts that are refused allocate nothing, so that a planner's threads do not
+//! wait for each other.
 //! A binary of its own: the counting allocator serves all of it.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "the helpers of these tests are tests themselves")]
 
@@ -6,7 +7,13 @@ use host::grasp::{
     Closure, ConeModel, Contact, Disturbance, Limits, Norm, Resistance, Settings, Task, Workspace,
     WrenchReference, evaluate, evaluate_task, evaluate_with_gradient, evaluate_within, resist,
 };
-use nalgebra::{Point3, Vector3};
+use host::object::BuiltIn;
+use host::plan::arm::Arm;
+use host::plan::attempt::{AttemptScratch, Rejection, attempt};
+use host::plan::preshape::tables;
+use host::plan::scene::Scene;
+use host::plan::settle::{Approach, settle};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rand::RngExt;
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
 
@@ -100,4 +107,37 @@ fn gradient() {
             evaluate_with_gradient(contacts, &reference(), settings, workspace, &mut gradient.borrow_mut());
         let _ = std::hint::black_box(found);
     });
+}
+
+#[test]
+fn refused_attempts() {
+    let mesh = BuiltIn::Mouse.object(1.0).unwrap().mesh;
+    let base_from_object = Isometry3::translation(0.4, 0.0, 0.0);
+    let scene = Scene::new(mesh, base_from_object, Some(0.0), Some(Arm::rx60())).unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(3);
+    let mut scratch = AttemptScratch::default();
+    let mut sites = Vec::new();
+    for _ in 0..60 {
+        let mut random = || Vector3::from_fn(|_, _| rng.random_range(-1.0..1.0_f64));
+        let (lean, opposition) = (0.5 * random(), random());
+        let approach = Approach {
+            direction_in_object: Unit::new_normalize(lean - Vector3::z()),
+            opposition_in_object: opposition,
+        };
+        for (index, table) in tables(&scene.hand).iter().enumerate() {
+            sites.push((index, settle(&scene, table, &approach, &scene.center_of_mass, None)));
+        }
+    }
+    let mut tried =
+        |index: usize, site| attempt(&scene, index, &scene.hand.candidates[index], site, &mut scratch).err();
+    let refusals: Vec<Option<Rejection>> = sites.iter().map(|(index, site)| tried(*index, site)).collect();
+    let (mut counts, mut reasons) = (Vec::new(), std::collections::BTreeSet::new());
+    for ((index, site), refusal) in sites.iter().zip(&refusals) {
+        let Some(reason) = refusal.filter(|reason| *reason != Rejection::ArmBlocked) else { continue };
+        counts
+            .push(allocation_counter::measure(|| _ = std::hint::black_box(tried(*index, site))).count_total);
+        reasons.insert(reason);
+    }
+    assert!(counts.len() > 100 && reasons.len() >= 5, "{} {reasons:?}", counts.len());
+    assert_eq!(counts.iter().sum::<u64>(), 0);
 }
