@@ -14,6 +14,8 @@ pub mod demo;
 pub mod execute;
 pub mod experiment;
 pub mod export;
+pub mod hand;
+pub mod hand_file;
 mod input;
 mod pipeline;
 pub mod plan;
@@ -60,6 +62,8 @@ enum Command {
     Experiment(experiment::ExperimentArgs),
     /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
     Export(export::ExportArgs),
+    /// A hand from a robot description: its fingers, how they close, its typical grasps
+    Hand(hand::HandCommandArgs),
 }
 
 /// Parses, runs, reports. Returns the exit status.
@@ -93,6 +97,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Execute(args) => execute::run(&args, out),
         Command::Experiment(args) => experiment::run(&args, out),
         Command::Export(args) => export::run(&args, out),
+        Command::Hand(args) => hand::run(&args, out),
     }
 }
 

@@ -9,6 +9,7 @@ pub mod finger;
 pub mod hit_dlr;
 mod inverse;
 mod posture;
+pub mod urdf;
 
 use hand_model::HandModel;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};

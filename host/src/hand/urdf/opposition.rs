@@ -208,7 +208,7 @@ pub(super) fn link_from_palm(joints: &[Joint], fingers: &[Finger], opposing: usi
 }
 
 /// The signed coordinate axis nearest to a direction, not along `other_than`.
-fn nearest_axis(direction: &Vector3<f64>, other_than: Option<&Vector3<f64>>) -> Vector3<f64> {
+pub(super) fn nearest_axis(direction: &Vector3<f64>, other_than: Option<&Vector3<f64>>) -> Vector3<f64> {
     let axes = [Vector3::z(), Vector3::x(), Vector3::y(), -Vector3::z(), -Vector3::x(), -Vector3::y()];
     let mut best = (f64::NEG_INFINITY, Vector3::z());
     for axis in axes {

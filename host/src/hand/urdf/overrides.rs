@@ -3,16 +3,20 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use nalgebra::{Isometry3, Vector3};
 use serde::Deserialize;
 
+use super::description::{Description, pose};
 use super::error::{HandError, Problem};
+use super::palm::quaternion;
 
 /// Corrections and additions to a hand that is read from URDF.
 #[derive(Debug, Clone, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Overrides {
-    /// The description, relative to the TOML file; lets the TOML file stand for the hand.
-    pub urdf: Option<PathBuf>,
+    /// The file that was read, for messages.
+    #[serde(skip)]
+    pub file: Option<PathBuf>,
     /// Name of the hand.
     pub name: Option<String>,
     /// Mass of the hand, kg.
@@ -31,6 +35,8 @@ pub struct Overrides {
     /// Which link is the palm, and where the palm frame stands in it.
     #[serde(default)]
     pub palm: PalmOverride,
+    /// Where the hand sits on an arm: pose of the palm frame in the flange frame.
+    pub flange_from_palm: Option<MountOverride>,
     /// The fingers, in place of those that are found.
     #[serde(default)]
     pub finger: Vec<FingerOverride>,
@@ -51,6 +57,16 @@ pub struct PalmOverride {
     /// Origin of the palm frame in that link, metres.
     pub xyz: Option<[f64; 3]>,
     /// Its roll, pitch and yaw as URDF has them, rad; z is to point along the stretched fingers.
+    pub rpy: Option<[f64; 3]>,
+}
+
+/// Pose of the palm frame in the arm's flange frame.
+#[derive(Debug, Clone, Default, PartialEq, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MountOverride {
+    /// Origin of the palm frame, metres.
+    pub xyz: Option<[f64; 3]>,
+    /// Its roll, pitch and yaw as URDF has them, rad.
     pub rpy: Option<[f64; 3]>,
 }
 
@@ -83,8 +99,9 @@ impl Overrides {
     /// [`HandError`] with file, line and key when it is not TOML, has unknown keys, or a number that cannot be.
     pub fn load(path: &Path) -> Result<Self, HandError> {
         let wrong = |problem| HandError { file: path.to_owned(), problem };
-        let text = std::fs::read_to_string(path).map_err(|source| wrong(Problem::File(source)))?;
-        Self::parse(&text).map_err(wrong)
+        let text = super::read(path).map_err(wrong)?;
+        let overrides = Self::parse(&text).map_err(wrong)?;
+        Ok(Self { file: Some(path.to_owned()), ..overrides })
     }
 
     /// Reads a text.
@@ -116,8 +133,13 @@ impl Overrides {
             return Err(wrong("soft_tip_torsion_m", "give a number of 0 or more"));
         }
         let finite = |numbers: Option<[f64; 3]>| numbers.is_none_or(|n| n.iter().all(|v| v.is_finite()));
-        if !finite(self.palm.xyz) || !finite(self.palm.rpy) {
-            return Err(wrong("palm", "xyz and rpy are three finite numbers each"));
+        let mount = self.flange_from_palm.clone().unwrap_or_default();
+        for (key, xyz, rpy) in
+            [("palm", self.palm.xyz, self.palm.rpy), ("flange_from_palm", mount.xyz, mount.rpy)]
+        {
+            if !finite(xyz) || !finite(rpy) {
+                return Err(wrong(key, "xyz and rpy are three finite numbers each"));
+            }
         }
         for (joint, [lower, upper]) in &self.limits {
             if !(lower.is_finite() && upper.is_finite() && lower <= upper) {
@@ -128,5 +150,37 @@ impl Overrides {
             }
         }
         Ok(())
+    }
+
+    /// Refuses names that the description does not have.
+    pub(super) fn check_names(&self, description: &Description) -> Result<(), Problem> {
+        let unknown = |key: String, what: &'static str, name: &str| {
+            Err(Problem::Unknown { key, what, name: name.to_owned() })
+        };
+        if let Some(link) = &self.palm.link
+            && description.link_index(link).is_none()
+        {
+            return unknown("palm.link".to_owned(), "link", link);
+        }
+        for (i, finger) in self.finger.iter().enumerate() {
+            if description.link_index(&finger.tip).is_none() {
+                return unknown(format!("finger[{i}].tip"), "link", &finger.tip);
+            }
+        }
+        let joints = self.limits.keys().map(|joint| ("limits", joint));
+        let joints = joints.chain(self.flexion.keys().map(|joint| ("flexion", joint)));
+        for (key, joint) in joints.chain(self.held.iter().map(|joint| ("held", joint))) {
+            if description.joint_index(joint).is_none() {
+                return unknown(key.to_owned(), "joint", joint);
+            }
+        }
+        Ok(())
+    }
+
+    /// Pose of the palm frame in the flange frame, where it is given.
+    pub(super) fn mount(&self) -> Option<Isometry3<f64>> {
+        let mount = self.flange_from_palm.as_ref()?;
+        let [xyz, rpy] = [mount.xyz, mount.rpy].map(|v| Vector3::from(v.unwrap_or_default()));
+        Some(quaternion(&pose(xyz, rpy)))
     }
 }

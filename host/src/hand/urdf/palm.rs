@@ -12,15 +12,15 @@ const SLABS: usize = 4;
 /// Boxes thinner than this after they made room for a finger are left out, metres.
 const THIN_M: f64 = 0.002;
 
-/// Boxes of the palm's shapes in the frame of its link; `roots` are centres and radii of the balls of the fingers' first
-/// links while the hand is open and half closed.
+/// Boxes of the palm's shapes in the frame that those are placed in; `fingers` are the centres of the fingers' balls while
+/// the hand is open and half closed.
 ///
 /// Boxes around meshes are shrunk until they hold none of these; boxes, cylinders, balls of the description are
 /// believed.
 pub(super) fn boxes(
     description: &Description,
     shapes: &[Placed],
-    roots: &[(Point3<f64>, f64)],
+    fingers: &[Point3<f64>],
     warnings: &mut Vec<String>,
 ) -> Vec<PalmBox> {
     let mut boxes = Vec::new();
@@ -43,7 +43,7 @@ pub(super) fn boxes(
                 let mut cut_m = 0.0_f64;
                 for (low, high) in slabs(mesh) {
                     let shape_from_palm = shape.body_from_shape.inverse();
-                    let (low, high, shrunk_m) = clear_of(low, high, roots, &shape_from_palm);
+                    let (low, high, shrunk_m) = clear_of(low, high, fingers, &shape_from_palm);
                     cut_m = cut_m.max(shrunk_m);
                     if (high - low).min() > THIN_M {
                         add(0.5 * (low + high), 0.5 * (high - low));
@@ -97,16 +97,16 @@ fn slabs(mesh: &crate::surface::Mesh) -> Vec<(Vector3<f64>, Vector3<f64>)> {
     slabs
 }
 
-/// The box with sides moved inwards, each time the one that costs the least volume, until no ball's centre is inside
-/// and balls beside it do not reach in by more than their radius. Also the longest move, metres.
+/// The box with sides moved inwards, each time the one that costs the least volume, until no ball's centre is inside.
+/// Also the longest move, metres.
 fn clear_of(
     mut low: Vector3<f64>,
     mut high: Vector3<f64>,
-    roots: &[(Point3<f64>, f64)],
+    fingers: &[Point3<f64>],
     shape_from_palm: &IsometryMatrix3<f64>,
 ) -> (Vector3<f64>, Vector3<f64>, f64) {
     let mut most_m = 0.0_f64;
-    for (center, _) in roots {
+    for center in fingers {
         let at = (shape_from_palm * center).coords;
         if (0..3).any(|i| at[i] <= low[i] || at[i] >= high[i]) {
             continue;

@@ -477,6 +477,7 @@ impl<'a> Search<'a> {
         let opening_m = |s: f64| self.stand(pattern, &at(s), Some(&line)).0;
         let range_m = opening_m(0.0) - opening_m(2.0).max(0.0);
         let facing = [0.5, 1.0, 1.5].map(|s| self.stand(pattern, &at(s), None).1).iter().sum::<f64>() / 3.0;
+        let heights = self.unevenness_m(pattern, &at(1.0));
         if range_m < RANGE_MIN_M || facing < 0.5 {
             return None;
         }
@@ -493,7 +494,6 @@ impl<'a> Search<'a> {
             }
             by_finger
         });
-        let heights = self.unevenness_m(pattern, &at(1.0));
         let score = facing * range_m / (range_m + RANGE_M) * (1.0 + 0.1 * (pattern.others.len() - 1) as f64)
             / (1.0 + heights / HEIGHT_M);
         Some((candidate, score))
