@@ -21,8 +21,11 @@ const DISTANCE_M: f64 = 0.03;
 const HEIGHT_M: f64 = 0.02;
 
 /// Pads face each other in a preshape at least to this cosine (mean over the fingers), and while open to the second.
-const FACING_MIN: f64 = 0.6;
-const FACING_OPEN_MIN: f64 = 0.25;
+const FACING_MIN: f64 = 0.3;
+const FACING_OPEN_MIN: f64 = 0.0;
+
+/// The same on the mean over the closing from half to one and a half times the preshape.
+const FACING_MEAN_MIN: f64 = 0.15;
 
 /// Least range of openings, metres.
 const RANGE_MIN_M: f64 = 0.012;
@@ -72,7 +75,7 @@ pub(super) fn candidates(joints: &[Joint], fingers: &[Finger]) -> Vec<Candidate>
     for (index, pattern) in patterns.iter().enumerate() {
         // The best start of some settings, and no more: refining costs.
         for (_, _, posture, opening_m) in starts.iter().filter(|start| start.1 == index).take(6) {
-            let refined = search.refined(pattern, posture, *opening_m, &shared);
+            let refined = search.refined(pattern, posture, *opening_m);
             if let Some((candidate, score)) = search.candidate(pattern, &refined) {
                 scored.push(Scored { candidate, score, pattern: index });
             }
@@ -366,11 +369,11 @@ impl<'a> Search<'a> {
     }
 
     /// Joint by joint downhill, with steps from a tenth of the range to a two-hundredth.
-    fn refined(&self, pattern: &Pattern, from: &Posture, opening_m: f64, shared: &[usize]) -> Posture {
+    fn refined(&self, pattern: &Pattern, from: &Posture, opening_m: f64) -> Posture {
         let mut joints: Vec<usize> = Vec::new();
         for &finger in std::iter::once(&0).chain(&pattern.others) {
             for &joint in self.fingers[finger].joints() {
-                if !joints.contains(&joint) && !shared.contains(&joint) {
+                if !joints.contains(&joint) {
                     joints.push(joint);
                 }
             }
@@ -478,7 +481,7 @@ impl<'a> Search<'a> {
         let range_m = opening_m(0.0) - opening_m(2.0).max(0.0);
         let facing = [0.5, 1.0, 1.5].map(|s| self.stand(pattern, &at(s), None).1).iter().sum::<f64>() / 3.0;
         let heights = self.unevenness_m(pattern, &at(1.0));
-        if range_m < RANGE_MIN_M || facing < 0.5 {
+        if range_m < RANGE_MIN_M || facing < FACING_MEAN_MIN {
             return None;
         }
         // y of the grasp frame makes z point away from the palm.
