@@ -106,7 +106,10 @@ fn describe(loaded: &Loaded, lines: &[String], out: &mut dyn Write) -> std::io::
             finger.beads().len()
         )?;
     }
-    writeln!(out, "typical grasps, best first (opening between tips, mm: open, preshape, twice the preshape):")?;
+    writeln!(
+        out,
+        "typical grasps, best first (opening between tips, mm: open, preshape, twice the preshape):"
+    )?;
     for candidate in &hand.candidates {
         let [open, preshape, closed] = [0.0, 1.0, 2.0].map(|s| 1e3 * opening_m(hand, candidate, s));
         let fingers: Vec<&str> = candidate.fingers().map(|f| hand.fingers[f].name.as_str()).collect();

@@ -55,7 +55,10 @@ impl HandArgs {
     pub(super) fn chosen(&self) -> anyhow::Result<Chosen> {
         let HandChoice::Urdf(path) = &self.hand else {
             anyhow::ensure!(self.hand_config.is_none(), "--hand-config: the built-in hand takes none");
-            anyhow::ensure!(self.package_path.is_empty(), "--package-path: the built-in hand has no packages");
+            anyhow::ensure!(
+                self.package_path.is_empty(),
+                "--package-path: the built-in hand has no packages"
+            );
             return Ok(Chosen { hand: Hand::hit_dlr()?, loaded: None, lines: Vec::new() });
         };
         let (loaded, lines) = load(path, self.hand_config.as_deref(), &self.package_path)?;

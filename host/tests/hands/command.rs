@@ -20,7 +20,18 @@ fn a_plan_names_its_hand_and_only_the_built_in_one_is_executed() {
     let hand = folder.path().join("mine.urdf");
     std::fs::copy(model(FOUR), &hand).unwrap();
     std::fs::write(folder.path().join("mine.toml"), "name = \"of-mine\"\n").unwrap();
-    let plan = ["plan", "cylinder", "--hand", "mine.urdf", "--strategy", "paper", "--attempts", "300", "-o", "p.json"];
+    let plan = [
+        "plan",
+        "cylinder",
+        "--hand",
+        "mine.urdf",
+        "--strategy",
+        "paper",
+        "--attempts",
+        "300",
+        "-o",
+        "p.json",
+    ];
     let (status, out, error) = prehend(folder.path(), &plan);
     assert_eq!(status, 0, "{out}{error}");
     assert!(out.contains("hand: of-mine, 4 fingers (thumb, index, middle, ring), 16 joints"), "{out}");
@@ -32,10 +43,7 @@ fn a_plan_names_its_hand_and_only_the_built_in_one_is_executed() {
     assert!(grasp["quality"]["epsilon_low"].as_f64().unwrap() > 0.0);
     assert!(grasp["squeeze"]["thumb_j2"].is_number() && grasp["arm_motion"].is_object());
 
-    for call in [
-        &["execute", "p.json"][..],
-        &["export", "p.json", "--format", "isaac", "-o", "x"],
-    ] {
+    for call in [&["execute", "p.json"][..], &["export", "p.json", "--format", "isaac", "-o", "x"]] {
         let (status, out, error) = prehend(folder.path(), call);
         assert_eq!((status, out.as_str()), (2, ""), "{error}");
         assert!(error.lines().count() == 1 && error.contains("hand of-mine"), "{error}");
@@ -49,7 +57,9 @@ fn a_hand_is_shown_in_words_and_as_json() {
     let here = tempfile::tempdir().unwrap();
     let (status, out, _) = prehend(here.path(), &["hand", "show", &path]);
     assert_eq!(status, 0);
-    for words in ["palm: link hand_base", "thumb_j0", "spreads or turns: thumb", "closes upwards: ring", "power"] {
+    for words in
+        ["palm: link hand_base", "thumb_j0", "spreads or turns: thumb", "closes upwards: ring", "power"]
+    {
         assert!(out.contains(words), "{words} not in\n{out}");
     }
     let (_, json, _) = prehend(here.path(), &["hand", "show", &path, "--json"]);

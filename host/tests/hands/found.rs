@@ -138,7 +138,11 @@ fn the_five_finger_hand_repeats_its_drives_and_finds_its_meshes() {
         assert!((0.8 * radius_mm..=radius_mm + 0.01).contains(&(1e3 * r)), "{name}: {r}");
         assert!(tip.x.hypot(tip.y) < 5e-4);
     }
-    assert!(warnings.iter().any(|w| w == "link 'little_distal_link' has no collision shape: its visual ones are used"));
+    assert!(
+        warnings
+            .iter()
+            .any(|w| w == "link 'little_distal_link' has no collision shape: its visual ones are used")
+    );
     // Slabs about the palm's mesh hold no ball of an open or half closed finger.
     assert!(!hand.palm.is_empty());
     for part in &hand.palm {

@@ -35,16 +35,12 @@ fn root_from(robot: &urdf_rs::Robot, link: &str, values: &BTreeMap<String, f64>)
         return Matrix4::identity();
     };
     let value = match &joint.mimic {
-        Some(mimic) => {
-            mimic.multiplier.unwrap_or(1.0) * values[&mimic.joint] + mimic.offset.unwrap_or(0.0)
-        }
+        Some(mimic) => mimic.multiplier.unwrap_or(1.0) * values[&mimic.joint] + mimic.offset.unwrap_or(0.0),
         None => values.get(&joint.name).copied().unwrap_or(0.0),
     };
     let motion = match joint.joint_type {
         urdf_rs::JointType::Fixed => Matrix4::identity(),
-        urdf_rs::JointType::Prismatic => {
-            Matrix4::new_translation(&(Vector3::from(*joint.axis.xyz) * value))
-        }
+        urdf_rs::JointType::Prismatic => Matrix4::new_translation(&(Vector3::from(*joint.axis.xyz) * value)),
         _ => turned(*joint.axis.xyz, value),
     };
     root_from(robot, &joint.parent.link, values) * placed(&joint.origin) * motion

@@ -50,7 +50,8 @@ pub(super) fn shapes(
         let element = &description.links[*link];
         let from = if element.collision.is_empty() { &element.visual } else { &element.collision };
         if element.collision.is_empty() && !from.is_empty() {
-            warnings.push(format!("link '{}' has no collision shape: its visual ones are used", element.name));
+            warnings
+                .push(format!("link '{}' has no collision shape: its visual ones are used", element.name));
         }
         for Shape { link_from_shape, solid } in from {
             let body = match solid {
@@ -153,7 +154,8 @@ fn row([from, to]: [f64; 2], radius_m: f64, spacing: f64) -> impl Iterator<Item 
     let (from, to) = if to > from { (from, to) } else { (0.5 * (from + to), 0.5 * (from + to)) };
     // A hair more than a whole number of spacings is that number.
     let gaps = ((length_m / (spacing * radius_m)) - 1e-9).ceil().clamp(0.0, 200.0) as usize;
-    (0..=gaps).map(move |k| if gaps == 0 { 0.5 * (from + to) } else { from + (to - from) * k as f64 / gaps as f64 })
+    (0..=gaps)
+        .map(move |k| if gaps == 0 { 0.5 * (from + to) } else { from + (to - from) * k as f64 / gaps as f64 })
 }
 
 /// Centres of balls of half the smallest edge in a box, wider apart when they would be more than [`MAX_GRID`].

@@ -95,7 +95,9 @@ pub(super) fn hand(text: &str, files: &Files, overrides: &Overrides) -> Result<L
         pressing_in_palm: pressing(&joints, &fingers),
         link_friction: LINK_FRICTION,
         tip_force_max_n: overrides.tip_force_n.unwrap_or_else(|| tip_force_n(&joints, &fingers)),
-        mass_kg: overrides.mass_kg.unwrap_or_else(|| mass_kg(&description, &tree, palm_body, palm_link, &mut warnings)),
+        mass_kg: overrides
+            .mass_kg
+            .unwrap_or_else(|| mass_kg(&description, &tree, palm_body, palm_link, &mut warnings)),
         joints,
         fingers,
         palm,
@@ -132,7 +134,10 @@ fn branches(description: &Description, tree: &Tree, overrides: &Overrides) -> Re
         let is_moving = tree.chain(palm_body, *leaf).is_some_and(|chain| !chain.is_empty());
         let key = || format!("finger[{i}].tip");
         if !is_moving {
-            return Err(Problem::Value { key: key(), text: "no joint moves this link in the palm".to_owned() });
+            return Err(Problem::Value {
+                key: key(),
+                text: "no joint moves this link in the palm".to_owned(),
+            });
         }
         if leaves[..i].contains(leaf) {
             let text = "another finger ends in the same moving link".to_owned();
@@ -177,10 +182,8 @@ fn finger_names(
     leaves: &[usize],
     overrides: &Overrides,
 ) -> Vec<String> {
-    let last_links: Vec<String> = leaves
-        .iter()
-        .map(|&leaf| description.links[tree.bodies[leaf].links[0].0].name.clone())
-        .collect();
+    let last_links: Vec<String> =
+        leaves.iter().map(|&leaf| description.links[tree.bodies[leaf].links[0].0].name.clone()).collect();
     let found = chains::names(&last_links);
     let given = |i: usize| overrides.finger.get(i).and_then(|finger| finger.name.clone());
     found.into_iter().enumerate().map(|(i, name)| given(i).unwrap_or(name)).collect()
@@ -313,7 +316,8 @@ fn mass_kg(
             tree.chain(palm_body, body).is_some()
         }
     };
-    let sum: f64 = (0..description.links.len()).filter(of_hand).map(|link| description.links[link].mass_kg).sum();
+    let sum: f64 =
+        (0..description.links.len()).filter(of_hand).map(|link| description.links[link].mass_kg).sum();
     if sum > 0.0 && sum.is_finite() {
         return sum;
     }

@@ -24,8 +24,22 @@ const END_SHARE: f64 = 0.2;
 
 /// Endings of a link's name that do not name its finger.
 const ENDINGS: [&str; 16] = [
-    "link", "tip", "distal", "fingertip", "end", "phalanx", "phalange", "intermediate", "middlephalanx", "pad", "dist",
-    "3", "2", "1", "0", "last",
+    "link",
+    "tip",
+    "distal",
+    "fingertip",
+    "end",
+    "phalanx",
+    "phalange",
+    "intermediate",
+    "middlephalanx",
+    "pad",
+    "dist",
+    "3",
+    "2",
+    "1",
+    "0",
+    "last",
 ];
 
 /// The finger that ends in `leaf`, its pad not known yet; first segment in the frame of the palm's link.
@@ -145,7 +159,9 @@ pub(super) fn names(links: &[String]) -> Vec<String> {
     };
     let mut all: Vec<Vec<String>> = links.iter().map(words).collect();
     for words in &mut all {
-        while words.len() > 1 && words.last().is_some_and(|w| ENDINGS.contains(&w.to_ascii_lowercase().as_str())) {
+        while words.len() > 1
+            && words.last().is_some_and(|w| ENDINGS.contains(&w.to_ascii_lowercase().as_str()))
+        {
             words.pop();
         }
     }

@@ -35,12 +35,25 @@ pub(super) struct Shape {
 /// A solid about its origin, metres; axes along z.
 #[derive(Debug, Clone)]
 pub(super) enum Solid {
-    Cuboid { half: Vector3<f64> },
-    Sphere { radius_m: f64 },
-    Cylinder { radius_m: f64, length_m: f64 },
+    Cuboid {
+        half: Vector3<f64>,
+    },
+    Sphere {
+        radius_m: f64,
+    },
+    Cylinder {
+        radius_m: f64,
+        length_m: f64,
+    },
     /// `length_m` without the caps.
-    Capsule { radius_m: f64, length_m: f64 },
-    Mesh { uri: String, scale: Vector3<f64> },
+    Capsule {
+        radius_m: f64,
+        length_m: f64,
+    },
+    Mesh {
+        uri: String,
+        scale: Vector3<f64>,
+    },
 }
 
 /// Type of a joint.

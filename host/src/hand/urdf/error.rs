@@ -175,7 +175,9 @@ pub enum Problem {
         count: usize,
     },
     /// Two or more parts that might be the hand.
-    #[error("more than one hand: below '{first}' and '{second}' alike; name one with palm = {{ link = \"...\" }}")]
+    #[error(
+        "more than one hand: below '{first}' and '{second}' alike; name one with palm = {{ link = \"...\" }}"
+    )]
     AmbiguousPalm {
         /// Link where one begins.
         first: String,
@@ -195,7 +197,9 @@ pub enum Problem {
         count: usize,
     },
     /// A finger ends in a link without a shape.
-    #[error("finger {finger}: its last link '{link}' has neither a collision nor a visual shape, so there is no fingertip")]
+    #[error(
+        "finger {finger}: its last link '{link}' has neither a collision nor a visual shape, so there is no fingertip"
+    )]
     NoShape {
         /// The finger.
         finger: String,

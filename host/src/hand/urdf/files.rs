@@ -18,8 +18,14 @@ pub(super) struct Files<'a> {
 }
 
 /// Formats that descriptions use and that are not read here.
-const UNREAD: [(&str, &str); 6] =
-    [("dae", "COLLADA"), ("glb", "glTF"), ("gltf", "glTF"), ("fbx", "FBX"), ("step", "STEP"), ("stp", "STEP")];
+const UNREAD: [(&str, &str); 6] = [
+    ("dae", "COLLADA"),
+    ("glb", "glTF"),
+    ("gltf", "glTF"),
+    ("fbx", "FBX"),
+    ("step", "STEP"),
+    ("stp", "STEP"),
+];
 
 impl Files<'_> {
     /// The mesh at a URI, in metres, scaled.

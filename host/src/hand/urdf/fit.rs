@@ -77,9 +77,10 @@ fn principal_axes(mesh: &Mesh) -> [Vector3<f64>; 3] {
 }
 
 fn extent(mesh: &Mesh, axis: &Vector3<f64>) -> (f64, f64) {
-    mesh.vertices().iter().map(|p| p.coords.dot(axis)).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| {
-        (l.min(t), h.max(t))
-    })
+    mesh.vertices()
+        .iter()
+        .map(|p| p.coords.dot(axis))
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), t| (l.min(t), h.max(t)))
 }
 
 /// The ball about the middle of a cross-section that the surface leaves room for, moved within the section to where it
@@ -240,8 +241,7 @@ mod tests {
             assert!(ball.radius_m < 0.01 + 1e-9 && ball.center.y.hypot(ball.center.z) < 3e-4, "{ball:?}");
         }
         let ends = [fit.balls[0], fit.balls[fit.balls.len() - 1]];
-        let mut reach: Vec<f64> =
-            ends.iter().map(|b| (b.center.x - 0.02).abs() + b.radius_m).collect();
+        let mut reach: Vec<f64> = ends.iter().map(|b| (b.center.x - 0.02).abs() + b.radius_m).collect();
         reach.sort_by(f64::total_cmp);
         assert!(reach[0] > 0.0285 && reach[1] < 0.03 + 1e-9, "{reach:?}");
         assert!(ends.iter().all(|b| b.radius_m > 0.009));

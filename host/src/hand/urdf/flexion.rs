@@ -35,7 +35,8 @@ pub(super) fn find(
         let sign = closing_sign(joints, fingers, i, &flexing, &middle);
         for &joint in finger.joints() {
             // The last segment that it moves decides, which the pad is on or nearest to.
-            let of_joint = flexing.iter().rev().find(|(segment, _)| finger.segments()[*segment].joint == joint);
+            let of_joint =
+                flexing.iter().rev().find(|(segment, _)| finger.segments()[*segment].joint == joint);
             if let Some((segment, sense)) = of_joint {
                 votes[joint].push(sign * sense * finger.segments()[*segment].multiplier.signum());
             }
@@ -136,12 +137,7 @@ fn closing_sign(
 }
 
 /// The side to which a finger curls: to which its joints turn farther from where it is longest.
-fn curl_sign(
-    joints: &[Joint],
-    finger: &Finger,
-    flexing: &[(usize, f64)],
-    middle: &Posture,
-) -> Option<f64> {
+fn curl_sign(joints: &[Joint], finger: &Finger, flexing: &[(usize, f64)], middle: &Posture) -> Option<f64> {
     let inner = flexing.get(1..)?;
     let last = finger.segments().len() - 1;
     if inner.is_empty() || finger.segments()[last].motion() == Motion::Sliding {

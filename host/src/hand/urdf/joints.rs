@@ -51,8 +51,7 @@ impl Joints {
             let joint = self.independent(description, overrides, element, warnings)?;
             return Ok(Drive { joint, multiplier: 1.0, offset: 0.0 });
         };
-        let no_target =
-            || Problem::MimicTarget { joint: joint.name.clone(), target: mimic.joint.clone() };
+        let no_target = || Problem::MimicTarget { joint: joint.name.clone(), target: mimic.joint.clone() };
         let target = description.joint_index(&mimic.joint).ok_or_else(no_target)?;
         let master = &description.joints[target];
         if let Some(next) = &master.mimic {
@@ -139,7 +138,13 @@ impl Joints {
 }
 
 /// Keeps a joint where one that repeats it stays within its own limits.
-fn narrow(joint: &mut Joint, drive: &Drive, [lower, upper]: [f64; 2], name: &str, warnings: &mut Vec<String>) {
+fn narrow(
+    joint: &mut Joint,
+    drive: &Drive,
+    [lower, upper]: [f64; 2],
+    name: &str,
+    warnings: &mut Vec<String>,
+) {
     if drive.multiplier.abs() < 1e-9 {
         return;
     }
@@ -149,11 +154,15 @@ fn narrow(joint: &mut Joint, drive: &Drive, [lower, upper]: [f64; 2], name: &str
     let before = joint.upper_rad - joint.lower_rad;
     // Many descriptions give repeating joints limits of no thought: those that leave nothing do not count.
     if high - low < 0.25 * before {
-        warnings.push(format!("joint '{name}': its own limits do not fit those of '{}', and are ignored", joint.name));
+        warnings.push(format!(
+            "joint '{name}': its own limits do not fit those of '{}', and are ignored",
+            joint.name
+        ));
         return;
     }
     if high - low < before - 1e-3 * before.max(1e-3) {
-        warnings.push(format!("joint '{}' is kept to {low:.4}..{high:.4}, the limits of '{name}'", joint.name));
+        warnings
+            .push(format!("joint '{}' is kept to {low:.4}..{high:.4}, the limits of '{name}'", joint.name));
     }
     if high - low < before - 1e-9 {
         (joint.lower_rad, joint.upper_rad) = (low, high);

@@ -269,10 +269,7 @@ fn moving(
     let limits = overrides.limits.get(&joint.name).copied().or(joint.limits);
     match limits {
         Some([lower, upper]) if lower == upper && joint.mimic.is_none() && joint.kind != Kind::Continuous => {
-            warnings.push(format!(
-                "joint '{}' has no range: it is taken as fixed at {lower}",
-                joint.name
-            ));
+            warnings.push(format!("joint '{}' has no range: it is taken as fixed at {lower}", joint.name));
             Ok(Err(match motion {
                 Motion::Turning => Rotation3::from_axis_angle(&axis, lower) * IsometryMatrix3::identity(),
                 Motion::Sliding => {
