@@ -83,6 +83,10 @@ impl Preshape {
     fn add_path(&mut self, hand: &Hand, candidate: &Candidate, finger: usize, s: f64) {
         let chain = &hand.fingers[finger];
         let natural_posture = candidate.posture_at(&hand.joints, s);
+        if !hand.is_placeable(finger) {
+            self.add_natural_path(hand, candidate, finger, &natural_posture);
+            return;
+        }
         let grasp_from_palm = self.palm_from_grasp.inverse();
         let natural = grasp_from_palm * chain.tip_in_palm(&chain.frames(&natural_posture));
         let radius_m = 0.5 * self.opening_m;
@@ -113,11 +117,12 @@ impl Preshape {
                 return;
             }
         }
-        self.add_natural_path(hand, candidate, finger, &natural_posture);
+        let start = candidate.posture_at(&hand.joints, (s - 0.4).max(0.0));
+        self.set_path(hand, finger, &start, &(natural_posture - start), 0.0);
     }
 
-    /// The path of a finger whose joints do not let its tip be placed, as of one with a single drive: it closes as the
-    /// candidate does, on a path as long as the others'.
+    /// The path of a finger whose tip its joints cannot place: it closes as the candidate does, on a path as long as the
+    /// others'.
     fn add_natural_path(&mut self, hand: &Hand, candidate: &Candidate, finger: usize, preshape: &Posture) {
         let chain = &hand.fingers[finger];
         let frames = chain.frames(preshape);

@@ -43,10 +43,13 @@ fn a_plan_names_its_hand_and_only_the_built_in_one_is_executed() {
     assert!(grasp["quality"]["epsilon_low"].as_f64().unwrap() > 0.0);
     assert!(grasp["squeeze"]["thumb_j2"].is_number() && grasp["arm_motion"].is_object());
 
-    for call in [&["execute", "p.json"][..], &["export", "p.json", "--format", "isaac", "-o", "x"]] {
+    for call in [&["execute", "p.json"][..], &["export", "p.json", "--format", "isaac-grasp", "-o", "x"]] {
         let (status, out, error) = prehend(folder.path(), call);
         assert_eq!((status, out.as_str()), (2, ""), "{error}");
-        assert!(error.lines().count() == 1 && error.contains("hand of-mine"), "{error}");
+        assert!(
+            error.lines().count() == 1 && error.contains("for another hand, of-mine: only hit-dlr"),
+            "{error}"
+        );
     }
     assert!(!folder.path().join("x").exists());
 }

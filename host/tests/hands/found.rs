@@ -42,17 +42,16 @@ fn check_candidates(hand: &Hand, least: usize) {
         // Across the opposition.
         let (own, others) = tips(0.0);
         let along = (own - others).normalize().dot(&candidate.lateral_in_palm);
-        assert!(along.abs() < 0.7, "{name}: lateral axis along the opposition");
+        assert!(along.abs() < 0.9, "{name}: lateral axis along the opposition");
     }
 }
 
+/// Pad of a finger in the preshape of a candidate that uses all.
 fn pad(hand: &Hand, finger: usize) -> Vector3<f64> {
-    let mut middle = hand.candidates[0].open;
-    for (i, joint) in hand.joints.iter().enumerate() {
-        middle[i] = 0.5 * (joint.lower_rad + joint.upper_rad);
-    }
+    let all =
+        hand.candidates.iter().find(|candidate| candidate.finger_count() == hand.fingers.len()).unwrap();
     let chain = &hand.fingers[finger];
-    chain.pad_in_palm(&chain.frames(&middle)).into_inner()
+    chain.pad_in_palm(&chain.frames(&all.posture_at(&hand.joints, 1.0))).into_inner()
 }
 
 #[test]
@@ -105,7 +104,7 @@ fn the_four_finger_hand_has_a_thumb_and_three_joints_that_flex_each_finger() {
         let turns = name.ends_with("j1") || name == "thumb_j0";
         assert_eq!((flexes, is_held), (if turns { None } else { Some(true) }, false), "{name}");
     }
-    // Half closed, the fingers' pads look at the palm's side and down, the thumb's the other way.
+    // In the preshape the fingers' pads look one way, the thumb's the other.
     let sum = pad(&hand, 1) + pad(&hand, 2) + pad(&hand, 3);
     assert!(sum.dot(&pad(&hand, 0)) < 0.0, "{sum} {}", pad(&hand, 0));
     // Tips are the round ones, on links fixed to the last moving ones.

@@ -11,7 +11,7 @@ use super::opposition::State;
 use super::overrides::Overrides;
 use super::tree::Tree;
 use super::{Loaded, balls, chains, flexion, opposition, palm, typical};
-use crate::hand::{Candidate, Finger, Hand, Joint, MAX_FINGERS, PalmBox, Segment};
+use crate::hand::{Candidate, Finger, Hand, Joint, MAX_FINGERS, PalmBox, SOFT_TIP_TORSION_M, Segment};
 
 /// Friction coefficient of links and palm, which are taken to be of metal and plastic.
 const LINK_FRICTION: f64 = 0.3;
@@ -94,6 +94,7 @@ pub(super) fn hand(text: &str, files: &Files, overrides: &Overrides) -> Result<L
         grasp_center_in_palm: grasp_center(&joints, &fingers, &candidates[0]),
         pressing_in_palm: pressing(&joints, &fingers),
         link_friction: LINK_FRICTION,
+        soft_tip_torsion_m: overrides.soft_tip_torsion_m.unwrap_or(SOFT_TIP_TORSION_M),
         tip_force_max_n: overrides.tip_force_n.unwrap_or_else(|| tip_force_n(&joints, &fingers)),
         mass_kg: overrides
             .mass_kg
@@ -130,25 +131,24 @@ fn branches(description: &Description, tree: &Tree, overrides: &Overrides) -> Re
         (None, tips) => tree.common_ancestor(tips),
     };
     let leaves = if tips.is_empty() { tree.leaves(palm_body) } else { tips };
-    for (i, leaf) in leaves.iter().enumerate() {
-        let is_moving = tree.chain(palm_body, *leaf).is_some_and(|chain| !chain.is_empty());
-        let key = || format!("finger[{i}].tip");
-        if !is_moving {
-            return Err(Problem::Value {
-                key: key(),
-                text: "no joint moves this link in the palm".to_owned(),
-            });
-        }
-        if leaves[..i].contains(leaf) {
-            let text = "another finger ends in the same moving link".to_owned();
-            return Err(Problem::Value { key: key(), text });
-        }
-    }
     match leaves.len() {
-        count @ 0..=1 => Err(Problem::NoFingers { count }),
-        count if count > MAX_FINGERS => Err(Problem::TooManyFingers { count }),
-        _ => Ok(Branches { palm_body, leaves }),
+        count @ 0..=1 => return Err(Problem::NoFingers { count }),
+        count if count > MAX_FINGERS => return Err(Problem::TooManyFingers { count }),
+        _ => {}
     }
+    let refused =
+        |i: usize, text: &str| Err(Problem::Value { key: format!("finger[{i}].tip"), text: text.to_owned() });
+    for (i, leaf) in leaves.iter().enumerate() {
+        if leaves[..i].contains(leaf) {
+            return refused(i, "another finger ends in the same moving link");
+        }
+    }
+    for (i, leaf) in leaves.iter().enumerate() {
+        if tree.chain(palm_body, *leaf).is_none_or(|chain| chain.is_empty()) {
+            return refused(i, "no joint moves this link in the palm");
+        }
+    }
+    Ok(Branches { palm_body, leaves })
 }
 
 /// The palm's link: as asked for, else the deepest one of its body that carries all fingers.

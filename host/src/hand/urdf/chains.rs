@@ -23,7 +23,7 @@ const WIDENINGS: usize = 12;
 const END_SHARE: f64 = 0.2;
 
 /// Endings of a link's name that do not name its finger.
-const ENDINGS: [&str; 16] = [
+const ENDINGS: [&str; 14] = [
     "link",
     "tip",
     "distal",
@@ -31,15 +31,13 @@ const ENDINGS: [&str; 16] = [
     "end",
     "phalanx",
     "phalange",
-    "intermediate",
-    "middlephalanx",
     "pad",
     "dist",
+    "last",
     "3",
     "2",
     "1",
     "0",
-    "last",
 ];
 
 /// The finger that ends in `leaf`, its pad not known yet; first segment in the frame of the palm's link.
@@ -94,7 +92,9 @@ pub(super) fn finger(
     }
     let limits = |joint: usize| [joints.joints[joint].lower_rad, joints.joints[joint].upper_rad];
     Finger::new(name.clone(), segments, beads, Vector3::z_axis(), limits).map_err(|error| match error {
-        FingerError::NoTip { .. } => Problem::NoShape { finger: name, link: link_name(leaf) },
+        FingerError::NoTip { .. } | FingerError::Beads { count: 0, .. } => {
+            Problem::NoShape { finger: name, link: link_name(leaf) }
+        }
         other => Problem::Finger(other),
     })
 }
@@ -168,7 +168,7 @@ pub(super) fn names(links: &[String]) -> Vec<String> {
     while all.len() > 1 && all.iter().all(|words| words.len() > 1 && words[0] == all[0][0]) {
         all.iter_mut().for_each(|words| drop(words.remove(0)));
     }
-    let short: Vec<String> = all.iter().map(|words| words.join("-").to_ascii_lowercase()).collect();
+    let short: Vec<String> = all.iter().map(|words| words.join("_").to_ascii_lowercase()).collect();
     let are_distinct =
         short.iter().enumerate().all(|(i, name)| !name.is_empty() && !short[..i].contains(name));
     if are_distinct { short } else { links.to_vec() }
