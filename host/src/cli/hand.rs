@@ -6,7 +6,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
-use super::{Outcome, hand_file, write_json};
+use super::{Outcome, hand_file, input, write_json};
 use crate::hand::finger::Motion;
 use crate::hand::urdf::Loaded;
 use crate::hand::{Candidate, Finger, Hand, Joint, Part};
@@ -51,6 +51,7 @@ pub fn run(args: &HandCommandArgs, out: &mut dyn Write) -> anyhow::Result<Outcom
     if args.json {
         write_json(out, &document(&loaded))?;
     } else {
+        input::warn(args.file.display(), &loaded.warnings);
         describe(&loaded, &lines, out)?;
     }
     Ok(Outcome::Done)

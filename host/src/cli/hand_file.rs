@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::input;
-use crate::hand::urdf::{self, Loaded, Overrides};
+use crate::hand::urdf::{self, HandError, Loaded, Overrides, Problem};
 use crate::hand::{Hand, hit_dlr};
 use crate::plan::arm::Arm;
 
@@ -62,11 +62,15 @@ impl HandArgs {
             return Ok(Chosen { hand: Hand::hit_dlr()?, loaded: None, lines: Vec::new() });
         };
         let (loaded, lines) = load(path, self.hand_config.as_deref(), &self.package_path)?;
+        if loaded.hand.candidates.is_empty() {
+            return Err(HandError { file: path.clone(), problem: Problem::NoCandidate }.into());
+        }
+        input::warn(path.display(), &loaded.warnings);
         Ok(Chosen { hand: loaded.hand.clone(), loaded: Some(loaded), lines })
     }
 }
 
-/// Reads a description with its TOML file; warnings go to stderr.
+/// Reads a description with its TOML file, and says in lines what it is.
 pub(super) fn load(
     path: &Path,
     config: Option<&Path>,
@@ -76,11 +80,10 @@ pub(super) fn load(
     let config = config.or_else(|| beside.is_file().then_some(beside.as_path()));
     let overrides = config.map(Overrides::load).transpose()?;
     let loaded = urdf::load(path, overrides.as_ref(), package_paths)?;
-    input::warn(path.display(), &loaded.warnings);
     let hand = &loaded.hand;
     let names: Vec<&str> = hand.fingers.iter().map(|finger| finger.name.as_str()).collect();
     let mut lines = vec![format!(
-        "hand: {}, {} fingers ({}), {} joints, {} typical grasps",
+        "hand: {}, {} fingers ({}), {} independent joint(s), {} typical grasp(s)",
         hand.name,
         names.len(),
         names.join(", "),

@@ -5,6 +5,7 @@ use std::process::Command;
 
 use serde_json::Value;
 
+use crate::refused::GRIPPER;
 use crate::{FOUR, model};
 
 fn prehend(folder: &Path, arguments: &[&str]) -> (i32, String, String) {
@@ -34,7 +35,10 @@ fn a_plan_names_its_hand_and_only_the_built_in_one_is_executed() {
     ];
     let (status, out, error) = prehend(folder.path(), &plan);
     assert_eq!(status, 0, "{out}{error}");
-    assert!(out.contains("hand: of-mine, 4 fingers (thumb, index, middle, ring), 16 joints"), "{out}");
+    assert!(
+        out.contains("hand: of-mine, 4 fingers (thumb, index, middle, ring), 16 independent joint(s)"),
+        "{out}"
+    );
     assert!(out.contains("hand: with mine.toml") && out.contains("palm frame 97.0 mm in front"), "{out}");
     let text = std::fs::read_to_string(folder.path().join("p.json")).unwrap();
     let document: Value = serde_json::from_str(&text).unwrap();
@@ -69,6 +73,21 @@ fn a_hand_is_shown_in_words_and_as_json() {
     let document: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(document["fingers"].as_array().unwrap().len(), 4);
     assert_eq!(document["joints"][0]["closes"], "none");
+}
+
+#[test]
+fn a_hand_that_cannot_grasp_is_shown_but_not_planned_with() {
+    let folder = tempfile::tempdir().unwrap();
+    // Both jaws move the same way.
+    let text = GRIPPER.replace("<axis xyz=\"-1 0 0\"/>", "<axis xyz=\"1 0 0\"/>");
+    std::fs::write(folder.path().join("odd.urdf"), text).unwrap();
+    let (status, out, error) = prehend(folder.path(), &["hand", "show", "odd.urdf"]);
+    assert!(status == 0 && out.contains("0 typical grasp(s)"), "{out}{error}");
+    assert!(error.contains("warning: odd.urdf: no posture found in which pads face each other"), "{error}");
+    let (status, _, error) = prehend(folder.path(), &["plan", "cube", "--hand", "odd.urdf", "-o", "x"]);
+    assert_eq!(status, 2);
+    assert!(error.starts_with("error: odd.urdf: no posture found in which pads face each other"), "{error}");
+    assert_eq!(error.lines().count(), 1, "{error}");
 }
 
 #[test]

@@ -7,7 +7,7 @@ use host::hand::urdf::{Overrides, from_str, load};
 use crate::{FIVE, THREE, loaded, model};
 
 /// A parallel gripper, the smallest hand: every row below changes a word or two of it.
-const GRIPPER: &str = r#"<robot name="gripper">
+pub(crate) const GRIPPER: &str = r#"<robot name="gripper">
 <link name="palm"><collision><geometry><box size="0.14 0.06 0.05"/></geometry></collision></link>
 <link name="left"><collision><origin xyz="0 0 0.03"/><geometry><box size="0.012 0.02 0.06"/></geometry></collision></link>
 <link name="right"><collision><origin xyz="0 0 0.03"/><geometry><box size="0.012 0.02 0.06"/></geometry></collision></link>
@@ -240,6 +240,13 @@ fn too_many_joints_and_fingers_are_counted() {
     assert_eq!(
         refused(&grown(1, 3)),
         "1 finger(s) found: a hand needs two chains of moving joints that branch from one link"
+    );
+    assert_eq!(refused("<sdf/>"), "not a robot description: the root element is <sdf>, not <robot>");
+    assert_eq!(refused("<robot name=\"x\"/>"), "the description has no link");
+    let many: String = (0..2001).map(|i| format!("<link name=\"{i}\"/>")).collect();
+    assert_eq!(
+        refused(&format!("<robot>{many}</robot>")),
+        "more than 2000 links or joints, which no robot has"
     );
     let bare =
         grown(2, 2).replace("<collision><geometry><sphere radius=\"0.01\"/></geometry></collision>", "");

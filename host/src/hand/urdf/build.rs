@@ -69,7 +69,7 @@ pub(super) fn hand(text: &str, files: &Files, overrides: &Overrides) -> Result<L
 
     let mut candidates = typical::candidates(&joints, &fingers);
     if candidates.is_empty() {
-        return Err(Problem::NoCandidate);
+        warnings.push(Problem::NoCandidate.to_string());
     }
     candidates.extend(typical::power(&joints, &fingers, &candidates));
     let palm = palm_boxes(
@@ -91,7 +91,7 @@ pub(super) fn hand(text: &str, files: &Files, overrides: &Overrides) -> Result<L
     let mut hand = Hand {
         name: overrides.name.clone().unwrap_or_else(|| description.name.clone()),
         sha256: String::new(),
-        grasp_center_in_palm: grasp_center(&joints, &fingers, &candidates[0]),
+        grasp_center_in_palm: grasp_center(&joints, &fingers, candidates.first()),
         pressing_in_palm: pressing(&joints, &fingers),
         link_friction: LINK_FRICTION,
         soft_tip_torsion_m: overrides.soft_tip_torsion_m.unwrap_or(SOFT_TIP_TORSION_M),
@@ -262,8 +262,14 @@ fn is_of_hand(tree: &Tree, palm_body: usize, palm_link: usize, link: usize) -> b
     tree.bodies[palm_body].joint.is_none() || tree.is_below(link, palm_link)
 }
 
-/// The middle between the opposing tip and the mean of the others in the first candidate's preshape.
-fn grasp_center(joints: &[Joint], fingers: &[Finger], candidate: &Candidate) -> Point3<f64> {
+/// The middle between the opposing tip and the mean of the others in the first candidate's preshape; without one, of all
+/// tips of the half closed hand.
+fn grasp_center(joints: &[Joint], fingers: &[Finger], candidate: Option<&Candidate>) -> Point3<f64> {
+    let Some(candidate) = candidate else {
+        let middle = flexion::middle(joints);
+        let sum: Vector3<f64> = fingers.iter().map(|finger| State::new(finger, &middle).tip.coords).sum();
+        return Point3::from(sum / fingers.len().max(1) as f64);
+    };
     let posture = candidate.posture_at(joints, 1.0);
     let tip = |finger: usize| State::new(&fingers[finger], &posture).tip.coords;
     let others: Vec<usize> = candidate.fingers().filter(|f| *f != candidate.opposing).collect();

@@ -8,6 +8,9 @@ use roxmltree::{Document, Node};
 
 use super::error::Problem;
 
+/// Most links, and most joints: some ten times those of the largest robots.
+pub(super) const MAX_LINKS: usize = 2000;
+
 /// A robot.
 #[derive(Debug, Clone)]
 pub(super) struct Description {
@@ -112,6 +115,9 @@ impl Description {
         };
         let elements = |name: &'static str| robot.children().filter(move |node| node.has_tag_name(name));
         for node in elements("link") {
+            if description.links.len() == MAX_LINKS {
+                return Err(Problem::TooManyLinks);
+            }
             let link = link(node)?;
             if description.links.iter().any(|other| other.name == link.name) {
                 return Err(Problem::Twice { line: line(node), what: "link", name: link.name });
@@ -120,6 +126,9 @@ impl Description {
         }
         // Transmissions hold elements of the same name: only children of the robot are joints.
         for node in elements("joint") {
+            if description.joints.len() == MAX_LINKS {
+                return Err(Problem::TooManyLinks);
+            }
             let joint = joint(node, &description.links)?;
             if description.joints.iter().any(|other| other.name == joint.name) {
                 return Err(Problem::Twice { line: line(node), what: "joint", name: joint.name });

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::description::MAX_LINKS;
 use crate::hand::finger::FingerError;
 use crate::hand::{MAX_FINGERS, MAX_JOINTS};
 use crate::io::IoError;
@@ -106,6 +107,9 @@ pub enum Problem {
     /// No link.
     #[error("the description has no link")]
     Empty,
+    /// More links or joints than a robot has.
+    #[error("more than {MAX_LINKS} links or joints, which no robot has")]
+    TooManyLinks,
     /// A link under two joints.
     #[error("link '{link}' has two parents, '{first}' and '{second}': loops are not supported")]
     TwoParents {
@@ -245,7 +249,7 @@ pub enum Problem {
         /// Kind of shape.
         shape: &'static str,
     },
-    /// No posture in which finger pads face each other.
+    /// No posture in which finger pads face each other: a warning of the reader, an error where grasps are wanted.
     #[error(
         "no posture found in which pads face each other over a range of openings; see `prehend hand show`, and say how \
          fingers close with [flexion] in the TOML"

@@ -1,8 +1,8 @@
 //! Hands from URDF: fingers, tips, closing directions and typical grasps found from the kinematics.
 //!
-//! The way: text ([`description`]), one tree of rigid bodies ([`tree`]), its independent joints ([`joints`]), chains with
-//! balls ([`chains`], [`balls`], [`fit`]), how they close ([`flexion`]) and oppose each other ([`opposition`]), the palm's
-//! boxes ([`palm`]), typical grasps ([`typical`]). `docs/hands.md` tells what a person has to know of it.
+//! The way: text (`description`), one tree of rigid bodies (`tree`), its independent joints (`joints`), chains with balls
+//! (`chains`, `balls`, `fit`), how they close (`flexion`) and oppose each other (`opposition`), the palm's boxes (`palm`),
+//! typical grasps (`typical`). `docs/hands.md` tells what a person has to know of it.
 
 mod balls;
 mod build;
@@ -36,7 +36,8 @@ const LIMIT_MIB: u64 = 16;
 /// A hand that was read, and what else is to be known of it.
 #[derive(Debug, Clone)]
 pub struct Loaded {
-    /// The hand. Finger 0 is the one that the others close against.
+    /// The hand. Finger 0 is the one that the others close against. Without candidates when no pads face each other: there
+    /// is nothing to plan with then ([`Problem::NoCandidate`]).
     pub hand: Hand,
     /// Name of the link that is the palm.
     pub palm_link: String,
