@@ -128,8 +128,9 @@ pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
     document.check()?;
     ensure!(
         document.hand.sha256 == hit_dlr::hash(&HandModel::hit_dlr()),
-        "the plan is for another hand ({}, or other parameters of it)",
-        document.hand.name
+        "the plan is for another hand, {}: only {} with the parameters of this program is simulated and exported",
+        document.hand.name,
+        hit_dlr::NAME
     );
     Ok(document)
 }

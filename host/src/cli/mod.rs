@@ -14,7 +14,9 @@ pub mod demo;
 pub mod execute;
 pub mod experiment;
 pub mod export;
+pub mod hand;
 pub mod hand_bus;
+pub mod hand_file;
 mod input;
 mod pipeline;
 pub mod plan;
@@ -59,11 +61,10 @@ enum Command {
     Execute(execute::ExecuteArgs),
     /// The paper's experiment on the virtual cell: many trials from scan to hold, as a table
     Experiment(experiment::ExperimentArgs),
-    /// Bring-up of a hand at the end of a line
-    #[command(subcommand)]
-    Hand(hand_bus::BusCommand),
     /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
     Export(export::ExportArgs),
+    /// A hand: what a robot description says of it, or bring-up of one at the end of a line
+    Hand(hand::HandCommandArgs),
 }
 
 /// Parses, runs, reports. Returns the exit status.
@@ -96,8 +97,8 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
         Command::Experiment(args) => experiment::run(&args, out),
-        Command::Hand(command) => hand_bus::run(&command, out),
         Command::Export(args) => export::run(&args, out),
+        Command::Hand(args) => hand::run(&args, out),
     }
 }
 

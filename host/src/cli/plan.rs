@@ -9,6 +9,7 @@ use clap::{Args, ValueEnum};
 use nalgebra::{Isometry3, Unit as UnitVector, UnitQuaternion, Vector3};
 use serde_json::json;
 
+use super::hand_file::HandArgs;
 use super::input::{self, TABLE_HEIGHT_M};
 use super::planning::{Planned, Planner};
 use super::progress::{bar, spinner};
@@ -49,9 +50,9 @@ pub struct PlanArgs {
     /// Mass of the object in kg; by default that of the built-in object, or 0.1
     #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
-    /// Hand to plan for
-    #[arg(long, value_enum, default_value_t)]
-    pub hand: HandChoice,
+    /// The hand.
+    #[command(flatten)]
+    pub hand: HandArgs,
     /// Arm that carries it: rx60 (Stäubli), a file that describes another (docs/arms.md), or none to plan for the hand
     /// alone
     #[arg(long, value_name = "rx60|FILE.toml|none", default_value = "rx60", value_parser = arm_choice)]
@@ -114,14 +115,6 @@ impl Strategy {
             Self::Best => 10_000,
         }
     }
-}
-
-/// Which hand to plan for, `--hand`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
-pub enum HandChoice {
-    /// The four-finger HIT/DLR hand
-    #[default]
-    HitDlr,
 }
 
 /// Which arm carries the hand, `--arm`.
@@ -201,13 +194,15 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let start = Instant::now();
     let mut human: Vec<u8> = Vec::new();
-    let arm = args.arm.arm()?;
+    let mut chosen = args.hand.chosen()?;
+    let arm = args.arm.arm()?.map(|arm| chosen.mounted(arm));
     let Input { object, table_normal, seen } = read_input(args, &mut human)?;
     let (base_from_object, placing) = place(args, &object.mesh, table_normal)?;
     let table_height_m = args.table.height_m();
     let start_rad = checked_start(args.start, arm.as_ref())?;
     let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, arm)
-        .with_context(|| format!("planning on {}", args.input))?;
+        .with_context(|| format!("planning on {}", args.input))?
+        .with_hand(chosen.hand);
     scene.friction = args.friction;
     scene.seen = seen;
     let settings = SearchSettings {
@@ -235,6 +230,9 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
             write_json(out, &summary(args, &planned, start.elapsed().as_secs_f64()))?;
         } else {
             out.write_all(&human)?;
+            for line in &chosen.lines {
+                writeln!(out, "{line}")?;
+            }
             writeln!(out, "{placing}")?;
             planned.describe(out)?;
             writeln!(out, "wrote {} in {:.2} s", args.output.display(), start.elapsed().as_secs_f64())?;

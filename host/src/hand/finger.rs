@@ -253,6 +253,12 @@ impl Finger {
         })
     }
 
+    /// The same finger with another direction out of the pad, last segment's frame.
+    #[must_use]
+    pub fn with_pad(self, pad_in_last: Unit<Vector3<f64>>) -> Self {
+        Self { pad_in_last, ..self }
+    }
+
     /// Joints and rigid parts, palm first.
     #[must_use]
     pub fn segments(&self) -> &[Segment] {

@@ -11,7 +11,7 @@ use sha2::{Digest, Sha256};
 
 use super::candidate::{Candidate, ContactKind};
 use super::finger::{Bead, Finger, FingerError, Motion, Part, Segment};
-use super::{Hand, Joint, MAX_FINGERS, PalmBox, Posture};
+use super::{Hand, Joint, MAX_FINGERS, PalmBox, Posture, SOFT_TIP_TORSION_M};
 
 /// Name of the hand, as `--hand` takes it.
 pub const NAME: &str = "hit-dlr";
@@ -101,6 +101,7 @@ impl Hand {
             grasp_center_in_palm: model.grasp_centre_in_palm,
             pressing_in_palm: Vector3::x_axis(),
             link_friction: LINK_FRICTION,
+            soft_tip_torsion_m: SOFT_TIP_TORSION_M,
             tip_force_max_n: model.drive.tip_force_max_n,
             mass_kg: model.palm_mass_kg + FingerId::ALL.len() as f64 * finger_kg,
             candidates: typical(),

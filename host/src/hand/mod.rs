@@ -9,6 +9,7 @@ pub mod finger;
 pub mod hit_dlr;
 mod inverse;
 mod posture;
+pub mod urdf;
 
 use hand_model::HandModel;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
@@ -16,6 +17,10 @@ use nalgebra::{Isometry3, Point3, Unit, Vector3};
 pub use candidate::{Candidate, ContactKind};
 pub use finger::{Bead, Finger, Part, Segment};
 pub use posture::{MAX_FINGERS, MAX_JOINTS, Posture};
+
+/// Torsional friction of a soft tip, as the length e in `mu * sqrt(|f_t|^2 + (tau / e)^2)`, metres. 3 mm is the middle
+/// of 2..4 mm for rubber tips under a few newtons; contact radius grows with force (Xydas and Kao 1999).
+pub const SOFT_TIP_TORSION_M: f64 = 0.003;
 
 /// An independent joint: one that no other joint drives.
 #[derive(Debug, Clone, PartialEq)]
@@ -68,6 +73,8 @@ pub struct Hand {
     pub pressing_in_palm: Unit<Vector3<f64>>,
     /// Greatest friction coefficient that links and palm, which have no rubber, are planned with.
     pub link_friction: f64,
+    /// Torsional friction of the tips in grasps with soft contacts, metres: see [`SOFT_TIP_TORSION_M`].
+    pub soft_tip_torsion_m: f64,
     /// What a fingertip can press continuously, newtons.
     pub tip_force_max_n: f64,
     /// Mass of the whole hand, kg.
@@ -83,6 +90,12 @@ impl Hand {
     #[must_use]
     pub fn finger_index(&self, name: &str) -> Option<usize> {
         self.fingers.iter().position(|finger| finger.name == name)
+    }
+
+    /// Whether a finger has joints enough for its tip to be placed anywhere near: three that are not held.
+    #[must_use]
+    pub fn is_placeable(&self, finger: usize) -> bool {
+        self.fingers[finger].joints().iter().filter(|&&joint| !self.joints[joint].is_held).count() >= 3
     }
 
     /// The posture with every joint inside its limits.

@@ -11,15 +11,12 @@ use super::best::rank::Errors;
 use super::closing::{Closing, Touch, close_finger};
 use super::hand_shape::HandShape;
 use super::obstacles::{ObjectPlace, Obstacles};
+use super::preshape::PATH_M;
 use super::scene::Scene;
 use super::settle::Site;
 use super::wrap::wrap;
 use crate::grasp::{Closure, Contact, ContactError, Quality, Workspace, evaluate};
 use crate::hand::{Candidate, ContactKind, Hand, MAX_FINGERS, Part, Posture};
-
-/// Torsional friction of a soft tip, as the length e in `mu * sqrt(|f_t|^2 + (tau / e)^2)`, metres. 3 mm is the middle
-/// of 2..4 mm for rubber tips under a few newtons; contact radius grows with force (Xydas and Kao 1999).
-pub const SOFT_TIP_TORSION_M: f64 = 0.003;
 
 /// Least cosine between a finger's push and its pad's normal, for the distal link, whose rubber covers the pad only: 75
 /// degrees round the finger.
@@ -34,6 +31,9 @@ const SAME_CONFIGURATION_RAD: f64 = 1.2;
 /// How far the tips stand off their contacts before they close, metres, widest first: room for errors of scan, arm and
 /// calibration, as much as object, table and joint limits leave.
 const STAND_OFF_M: [f64; 3] = [0.025, 0.015, 0.008];
+
+/// Of its way back along its path, a tip leaves the surface by at least this share.
+const OFF_COSINE_MIN: f64 = 0.3;
 
 /// A grasp that passed every check.
 #[derive(Debug, Clone)]
@@ -277,7 +277,7 @@ fn touch_with_tips(
     if !closed.touches().all(|(_, touch)| on_rubber(&touch)) {
         return Err(Rejection::NotOnPad);
     }
-    let torsional_m = torsion(candidate);
+    let torsional_m = torsion(&scene.hand, candidate);
     for (finger, touch) in closed.touches() {
         let (point, normal) = (&touch.point_in_object, &touch.inward_normal_in_object);
         let contact = contact_at(scene, point, normal, f64::INFINITY, torsional_m)?;
@@ -319,7 +319,7 @@ pub(super) fn quality_with_errors(
         return closure.quality().map(Quality::epsilon);
     }
     let closed = close_hand(scene, candidate, site);
-    let torsional_m = torsion(candidate);
+    let torsional_m = torsion(&scene.hand, candidate);
     for finger in candidate.fingers() {
         let Some(Closing::Touches(touch)) = closed.fingers[finger] else { return None };
         if !on_rubber(&touch) {
@@ -345,10 +345,10 @@ fn on_rubber(touch: &Touch) -> bool {
     }
 }
 
-fn torsion(candidate: &Candidate) -> f64 {
+fn torsion(hand: &Hand, candidate: &Candidate) -> f64 {
     match candidate.contact {
         ContactKind::Hard => 0.0,
-        ContactKind::Soft => SOFT_TIP_TORSION_M,
+        ContactKind::Soft => hand.soft_tip_torsion_m,
     }
 }
 
@@ -431,7 +431,8 @@ fn fold(hand: &Hand, finger: usize, onto: &mut Posture) {
     }
 }
 
-/// The grasp with every touching tip drawn back from its contact along the normal; `None` when a finger's limits do not
+/// The grasp with every touching tip drawn back from its contact along the normal, or along its path where it has too few
+/// joints for that; `None` when a finger's limits do not
 /// let it.
 fn stand_off(
     scene: &Scene,
@@ -446,8 +447,18 @@ fn stand_off(
         let back = site
             .object_from_palm
             .inverse_transform_vector(&(-stand_off_m * touch.inward_normal_in_object.into_inner()));
-        let tip = chain.tip_in_palm(&chain.frames(grasp)) + back;
-        let found = scene.hand.finger_inverse(finger, &tip, grasp)?;
+        let from = chain.tip_in_palm(&chain.frames(grasp));
+        let found = if scene.hand.is_placeable(finger) {
+            scene.hand.finger_inverse(finger, &(from + back), grasp)?
+        } else {
+            let opened = scene.hand.clamped(site.preshape.with_finger_at(touch.u - stand_off_m / PATH_M));
+            // Somewhere off the contact, if not straight off it.
+            let off = chain.tip_in_palm(&chain.frames(&opened)) - from;
+            if off.dot(&back) < OFF_COSINE_MIN * back.norm() * back.norm() {
+                return None;
+            }
+            opened
+        };
         take_finger(&scene.hand, finger, &found, &mut opened);
     }
     Some(opened)

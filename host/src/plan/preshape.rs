@@ -83,6 +83,10 @@ impl Preshape {
     fn add_path(&mut self, hand: &Hand, candidate: &Candidate, finger: usize, s: f64) {
         let chain = &hand.fingers[finger];
         let natural_posture = candidate.posture_at(&hand.joints, s);
+        if !hand.is_placeable(finger) {
+            self.add_natural_path(hand, candidate, finger, &natural_posture);
+            return;
+        }
         let grasp_from_palm = self.palm_from_grasp.inverse();
         let natural = grasp_from_palm * chain.tip_in_palm(&chain.frames(&natural_posture));
         let radius_m = 0.5 * self.opening_m;
@@ -115,6 +119,30 @@ impl Preshape {
         }
         let start = candidate.posture_at(&hand.joints, (s - 0.4).max(0.0));
         self.set_path(hand, finger, &start, &(natural_posture - start), 0.0);
+    }
+
+    /// The path of a finger whose tip its joints cannot place: it closes as the candidate does, on a path as long as the
+    /// others'.
+    fn add_natural_path(&mut self, hand: &Hand, candidate: &Candidate, finger: usize, preshape: &Posture) {
+        let chain = &hand.fingers[finger];
+        let frames = chain.frames(preshape);
+        let tip = chain.tip_in_palm(&frames);
+        let jacobian = chain.point_jacobian(&frames, chain.segments().len() - 1, &tip);
+        let mut rate = Posture::ZERO;
+        let mut way_m = Vector3::zeros();
+        for (column, &joint) in chain.joints().iter().enumerate().filter(|(_, j)| !hand.joints[**j].is_held) {
+            rate[joint] = candidate.closing[joint];
+            way_m += jacobian.column(column) * rate[joint];
+        }
+        // A tip that closing hardly moves has no path of that length: its joints would leave their limits.
+        let rate = rate * (PATH_M / way_m.norm().max(0.2 * PATH_M));
+        let mut u_begin = 0.0_f64;
+        for &joint in chain.joints().iter().filter(|joint| rate[**joint].abs() > 1e-9) {
+            let limits = &hand.joints[joint];
+            let limit = if rate[joint] > 0.0 { limits.lower_rad } else { limits.upper_rad };
+            u_begin = u_begin.max(1.0 - (preshape[joint] - limit) / rate[joint]);
+        }
+        self.set_path(hand, finger, &(*preshape - rate), &rate, u_begin);
     }
 
     /// Takes a finger's own joints over from `start` and `rate`.

@@ -123,6 +123,12 @@ impl Arm {
         Self { flange_from_palm, ..self }
     }
 
+    /// Whether the hand sits otherwise than on the built-in hand's adapter plate.
+    #[must_use]
+    pub fn has_own_mount(&self) -> bool {
+        self.flange_from_palm != params::adapter_plate()
+    }
+
     /// Lengths, limits, speeds and ratings.
     #[must_use]
     pub fn params(&self) -> &ArmParams {
