@@ -12,8 +12,11 @@ use crate::hand::finger::Motion;
 use crate::hand::urdf::Loaded;
 use crate::hand::{Candidate, Finger, Hand, Joint, Part};
 
-/// Look at a hand
+/// Look at a hand's description, or talk to a hand
 #[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  prehend hand show gripper.urdf\n  prehend hand info --link serial:/dev/ttyUSB0\n  prehend hand params --link tcp:127.0.0.1:5000"
+)]
 pub struct HandCommandArgs {
     #[command(subcommand)]
     command: HandCommand,
