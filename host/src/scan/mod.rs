@@ -3,6 +3,7 @@ pub mod calibrate;
 mod cast;
 pub mod instrument;
 mod mount;
+pub mod optics;
 pub mod render;
 pub mod stripe;
 pub mod sweep;
