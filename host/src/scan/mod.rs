@@ -1,12 +1,18 @@
 //! Scanning: a laser stripe, two cameras, and an arm that sweeps them over the object.
 pub mod calibrate;
+pub mod capture;
 mod cast;
+pub mod clock_offset;
 pub mod instrument;
+pub mod joints;
 mod mount;
 pub mod optics;
+pub mod profile;
 pub mod render;
+pub mod rig;
 pub mod stripe;
 pub mod sweep;
+pub mod virtual_capture;
 pub mod virtual_scan;
 
 pub use instrument::{Camera, Instrument};

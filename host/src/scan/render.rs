@@ -145,19 +145,21 @@ impl Renderer {
         let whole = Window { first_row_px: 0, rows_px: self.instrument.pixels[1] };
         let mut cameras = [None, None];
         cameras[camera as usize] = Some(whole);
-        let [left, right] = self.render(base_from_scanner, cameras, seed);
+        let [left, right] = self.render(base_from_scanner, cameras, seed, 0);
         left.or(right).unwrap_or_default()
     }
 
-    /// One exposure of both cameras, of which the given rows are read out.
+    /// Exposure number `frame` of both cameras, of which the given rows are read out. Each exposure has noise of its own
+    /// from the same seed.
     #[must_use]
     pub fn exposures(
         &self,
         base_from_scanner: &Isometry3<f64>,
         windows: [Window; 2],
         seed: u64,
+        frame: u32,
     ) -> [GrayImage; 2] {
-        self.render(base_from_scanner, windows.map(Some), seed).map(Option::unwrap_or_default)
+        self.render(base_from_scanner, windows.map(Some), seed, frame).map(Option::unwrap_or_default)
     }
 
     fn render(
@@ -165,6 +167,7 @@ impl Renderer {
         base_from_scanner: &Isometry3<f64>,
         windows: [Option<Window>; 2],
         seed: u64,
+        frame: u32,
     ) -> [Option<GrayImage>; 2] {
         let sheets: Vec<Vec<Option<Spot>>> = self
             .sheets
@@ -177,7 +180,7 @@ impl Renderer {
         Camera::ALL.map(|camera| {
             let window = windows[camera as usize]?;
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
-            rng.set_stream(camera as u64);
+            rng.set_stream(2 * u64::from(frame) + camera as u64);
             let center = base_from_scanner * self.instrument.camera_center(camera);
             let mut light = Light::new(self.instrument.pixels[0], window);
             let whole = (&again, self.optics.exposure, self.whole_sigma_px);
