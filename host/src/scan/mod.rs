@@ -8,6 +8,7 @@ pub mod joints;
 mod mount;
 pub mod optics;
 pub mod profile;
+pub mod recording;
 pub mod render;
 pub mod rig;
 pub mod stripe;

@@ -78,6 +78,9 @@ impl Rig {
     }
 }
 
+/// Width along the stripe that the virtual scanner measures at every depth from 151 to 249 mm.
+pub const MEASURED_WIDTH_M: f64 = 0.104;
+
 /// Noise of a marker's pixel coordinate.
 pub const MARKER_NOISE_PX: f64 = 0.1;
 

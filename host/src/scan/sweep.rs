@@ -44,6 +44,8 @@ pub struct SweepSettings {
     pub margin_m: f64,
     /// Number of inclined views, evenly around the target. The paper sweeps once, straight down: 0.
     pub inclined: u32,
+    /// Width along the stripe that a pass covers; by default that of the cameras' field at the stand-off.
+    pub field_width_m: Option<f64>,
     /// Angles between an inclined view and the vertical, in the order in which they are tried.
     pub tilts_rad: Vec<f64>,
 }
@@ -63,6 +65,7 @@ impl Default for SweepSettings {
             pitch_m: 0.001,
             margin_m: 0.005,
             inclined: 4,
+            field_width_m: None,
             tilts_rad: [45.0, 35.0, 25.0].map(f64::to_radians).to_vec(),
         }
     }
@@ -79,16 +82,16 @@ pub struct SweepPlan {
 
 /// Plans passes over the sphere of `radius_m` about `center` (base frame): one view straight down, then the inclined ones.
 ///
-/// `reachable` says whether the arm can hold the scanner at a pose (`base_from_scanner`). The instrument may be rolled
+/// `reachable` says whether the arm can carry the scanner along a pass. The instrument may be rolled
 /// about its axis in quarter turns, and an inclined view may take a smaller tilt; a view of which every variant has
-/// an unreachable exposure is dropped. A target wider than the cameras' field takes several parallel passes.
+/// an unreachable pass is dropped. A target wider than the scanner's field takes several parallel passes.
 #[must_use]
 pub fn plan_sweeps(
     center: &Point3<f64>,
     radius_m: f64,
     instrument: &Instrument,
     settings: &SweepSettings,
-    reachable: &dyn Fn(&Isometry3<f64>) -> bool,
+    reachable: &dyn Fn(&[StripePose]) -> bool,
 ) -> SweepPlan {
     let mut plan = SweepPlan { sweeps: Vec::new(), dropped: Vec::new() };
     let mut add = |name: &str, azimuth_rad: f64, tilts_rad: &[f64]| {
@@ -96,8 +99,7 @@ pub fn plan_sweeps(
             for roll in [0.0, PI, FRAC_PI_2, -FRAC_PI_2] {
                 let view = View { center, azimuth_rad, tilt_rad: tilt, roll_rad: roll };
                 let passes = view.passes(radius_m, instrument, settings);
-                let poses = passes.iter().flatten();
-                if poses.clone().all(|stripe| reachable(&stripe.base_from_scanner)) {
+                if passes.iter().all(|pass| reachable(pass)) {
                     let name = if tilt == 0.0 {
                         name.to_owned()
                     } else {
@@ -150,7 +152,9 @@ impl View<'_> {
         let rotation = UnitQuaternion::from_rotation_matrix(&(turn * looking_down * roll));
         let half_length = radius_m + settings.margin_m;
         let count = (2.0 * half_length / settings.pitch_m).ceil().clamp(1.0, 1e5) as u32;
-        let passes = (2.0 * radius_m / instrument.field_width_m()).ceil().clamp(1.0, 16.0) as u32;
+        let passes = (2.0 * radius_m / settings.field_width_m.unwrap_or(instrument.field_width_m()))
+            .ceil()
+            .clamp(1.0, 16.0) as u32;
         let pass_width = 2.0 * radius_m / f64::from(passes);
         let pass = |pass: u32| {
             let y = (f64::from(pass) - 0.5 * f64::from(passes - 1)) * pass_width;
@@ -174,7 +178,7 @@ mod tests {
 
     const CENTER: Point3<f64> = Point3::new(0.42, 0.0, 0.03);
 
-    fn plan(radius_m: f64, reachable: &dyn Fn(&Isometry3<f64>) -> bool) -> SweepPlan {
+    fn plan(radius_m: f64, reachable: &dyn Fn(&[StripePose]) -> bool) -> SweepPlan {
         plan_sweeps(&CENTER, radius_m, &Instrument::default(), &SweepSettings::default(), reachable)
     }
 
@@ -199,7 +203,10 @@ mod tests {
 
     #[test]
     fn unreachable_views_are_lowered_or_named() {
-        let lowered = plan(0.05, &|pose| pose.translation.vector.x < 0.42 + 0.2 * 30_f64.to_radians().sin());
+        let lowered = plan(0.05, &|pass| {
+            let x = |stripe: &StripePose| stripe.base_from_scanner.translation.vector.x;
+            pass.iter().all(|stripe| x(stripe) < 0.42 + 0.2 * 30_f64.to_radians().sin())
+        });
         assert_eq!(lowered.sweeps[1].name, "from 0 deg, tilted 25 deg");
         assert_eq!(lowered.sweeps[3].name, "from 180 deg, tilted 45 deg");
         let none = plan(0.05, &|_| false);

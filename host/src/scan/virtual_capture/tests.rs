@@ -20,8 +20,8 @@ fn placed(object: &Object) -> Mesh {
 fn carried(mesh: &Mesh, settings: &SweepSettings) -> Vec<CarriedSweep> {
     let (center, radius) = target_sphere(mesh);
     let arm = Arm::rx60();
-    plan_sweeps(&center, radius, &Instrument::default(), settings, &|pose| {
-        arm.reaches_palm(&(pose * palm_from_scanner().inverse()))
+    plan_sweeps(&center, radius, &Instrument::default(), settings, &|pass| {
+        carry(&arm, &palm_from_scanner(), pass).is_some()
     })
     .sweeps
     .into_iter()
