@@ -14,8 +14,9 @@ use super::{Outcome, write_json};
 use crate::io::{CloudFormat, Unit, write_cloud, write_cloud_to};
 use crate::object::Object;
 use crate::plan::arm::Arm;
+use crate::scan::next_sweep::{Chain, chain};
 use crate::scan::{
-    Instrument, Scan, StripePose, SweepPlan, SweepSettings, palm_from_scanner, plan_sweeps, scan,
+    Instrument, Scan, StripePose, Sweep, SweepPlan, SweepSettings, palm_from_scanner, plan_sweeps, scan,
     target_sphere,
 };
 use crate::surface::{Mesh, Plane, PointCloud};
@@ -95,6 +96,8 @@ pub enum Sweeps {
     Around,
     /// One sweep straight down, as in the paper of 2005
     Paper,
+    /// Straight down, and then each sweep where most is still unseen
+    NextBest,
 }
 
 impl Sweeps {
@@ -104,6 +107,7 @@ impl Sweeps {
         match self {
             Self::Around => SweepSettings::default(),
             Self::Paper => SweepSettings::paper(),
+            Self::NextBest => SweepSettings::next_best(),
         }
     }
 }
@@ -223,7 +227,24 @@ pub(super) fn sweep(
     let holds = |stripe: &StripePose| arm.reaches_palm(&(stripe.base_from_scanner * scanner_from_palm));
     let reachable = |pass: &[StripePose]| pass.iter().all(holds);
     let (center, radius_m): (Point3<f64>, f64) = target_sphere(mesh);
-    let plan = plan_sweeps(&center, radius_m, instrument, settings, &reachable);
-    let scan = scan(mesh, Some(Plane::horizontal(TABLE_HEIGHT_M)), &plan.sweeps, instrument, seed)?;
+    let first = plan_sweeps(&center, radius_m, instrument, settings, &reachable);
+    let table = Plane::horizontal(TABLE_HEIGHT_M);
+    if settings.next_best == 0 {
+        let scan = scan(mesh, Some(table), &first.sweeps, instrument, seed)?;
+        return Ok((first, scan));
+    }
+    let given = Chain {
+        center,
+        radius_m,
+        table_height_m: TABLE_HEIGHT_M,
+        instrument,
+        settings,
+        reachable: &reachable,
+    };
+    let mut make =
+        |sweeps: &[Sweep]| scan(mesh, Some(table), sweeps, instrument, seed).map(|scan| scan.cloud);
+    let plan = chain(first, settings.next_best, &given, &mut make)?;
+    // All together, so that each stripe has noise of its own.
+    let scan = scan(mesh, Some(table), &plan.sweeps, instrument, seed)?;
     Ok((plan, scan))
 }

@@ -12,14 +12,15 @@ use super::scan::{ScanArgs, placed};
 use crate::object::Object;
 use crate::plan::arm::Arm;
 use crate::scan::calibrate::Calibration;
-use crate::scan::capture::{Capture, MeasureReport, MeasureSettings, Measured};
+use crate::scan::capture::{Capture, MeasureReport, MeasureSettings, Measured, Start};
 use crate::scan::clock_offset::ClockOffset;
 use crate::scan::joints::carry;
+use crate::scan::next_sweep::{Chain, chain};
 use crate::scan::optics::{Finish, Optics};
 use crate::scan::recording::{Content, RecordingError, RecordingWriter, read_recording};
 use crate::scan::render::Renderer;
 use crate::scan::rig::{MEASURED_WIDTH_M, Rig, StripeCamera};
-use crate::scan::virtual_capture::{CaptureError, CarriedSweep, virtual_capture};
+use crate::scan::virtual_capture::{CaptureError, CarriedSweep, CellSettings, virtual_capture};
 use crate::scan::{
     Camera, Instrument, ScanError, StripePose, Sweep, SweepSettings, palm_from_scanner, plan_sweeps,
     target_sphere,
@@ -130,27 +131,50 @@ pub(super) fn rendered(args: &ScanArgs, object: &Object) -> anyhow::Result<Image
     let settings = SweepSettings { field_width_m: Some(MEASURED_WIDTH_M), ..args.sweeps.settings() };
     let (center, radius_m) = target_sphere(&mesh);
     let carried = |pass: &[StripePose]| carry(&arm, &rig.palm_from_scanner, pass);
-    let plan = plan_sweeps(&center, radius_m, &instrument, &settings, &|pass| carried(pass).is_some());
-    let sweeps: Vec<CarriedSweep> = plan
-        .sweeps
-        .iter()
-        .filter_map(|sweep| Some(CarriedSweep { joints: carried(&sweep.stripes)?, sweep: sweep.clone() }))
-        .collect();
-    anyhow::ensure!(!sweeps.is_empty(), ScanError::NoSweep);
+    let reachable = |pass: &[StripePose]| carried(pass).is_some();
+    let first = plan_sweeps(&center, radius_m, &instrument, &settings, &reachable);
+    anyhow::ensure!(!first.sweeps.is_empty(), ScanError::NoSweep);
 
     let clock = Instant::now();
     let table = Plane::horizontal(TABLE_HEIGHT_M);
     let renderer = Renderer::new(&mesh, Some(table), &instrument, &optics)?;
-    let keep = |frame: usize, camera: Camera, image: &image::GrayImage| match &writer {
-        Some(writer) => writer.image(frame as u32, camera, image),
+    let keep = |frame: u32, camera: Camera, image: &image::GrayImage| match &writer {
+        Some(writer) => writer.image(frame, camera, image),
         None => Ok(()),
     };
-    let offset_s = args.clock_offset_ms * 1e-3;
-    let capture = virtual_capture(&renderer, &arm, &rig, &sweeps, offset_s, args.seed, &keep);
-    let capture = capture.map_err(|error: CaptureError<RecordingError>| match error {
-        CaptureError::Sink(error) => anyhow::Error::from(error),
-        CaptureError::Joints(error) => anyhow::Error::from(error),
-    })?;
+    let cell = CellSettings { offset_s: args.clock_offset_ms * 1e-3, seed: args.seed };
+    let mut capture: Option<Capture> = None;
+    let mut make = |sweeps: &[Sweep]| {
+        let sweeps: Vec<CarriedSweep> = sweeps
+            .iter()
+            .filter_map(|sweep| Some(CarriedSweep { joints: carried(&sweep.stripes)?, sweep: sweep.clone() }))
+            .collect();
+        let start = capture.as_ref().map_or_else(Start::default, Capture::end);
+        let part = virtual_capture(&renderer, &arm, &rig, &sweeps, start, cell, &keep).map_err(
+            |error: CaptureError<RecordingError>| match error {
+                CaptureError::Sink(error) => anyhow::Error::from(error),
+                CaptureError::Joints(error) => anyhow::Error::from(error),
+            },
+        )?;
+        // Only to see what is still unseen: the clocks have to wait for all sweeps. A sweep that saw nothing tells nothing.
+        let rough = MeasureSettings { correct_clock: false, ..MeasureSettings::default() };
+        let cloud = part.measure(&rough).map(|measured| measured.cloud).unwrap_or_default();
+        capture = match capture.take() {
+            Some(before) => Some(before.followed_by(part)?),
+            None => Some(part),
+        };
+        Ok::<_, anyhow::Error>(cloud)
+    };
+    let given = Chain {
+        center,
+        radius_m,
+        table_height_m: TABLE_HEIGHT_M,
+        instrument: &instrument,
+        settings: &settings,
+        reachable: &reachable,
+    };
+    let plan = chain(first, settings.next_best, &given, &mut make)?;
+    let capture = capture.ok_or(ScanError::NoSweep)?;
     let (measured, mut images) = measure(&capture, !args.keep_clock, clock.elapsed().as_secs_f64())?;
     if let (Some(writer), Some(folder)) = (writer, &args.record) {
         writer.finish(&capture)?;

@@ -6,7 +6,7 @@ use serde::Serialize;
 use thiserror::Error;
 
 use super::clock_offset::{ClockOffset, clock_offset};
-use super::joints::JointTrack;
+use super::joints::{JointTrack, JointTrackError};
 use super::profile::{ProfileCounts, ProfilePoint, ProfileSettings, StripePixel, profile};
 use super::rig::Rig;
 use crate::plan::arm::Arm;
@@ -35,6 +35,20 @@ pub struct Capture {
     /// The arm's joints.
     pub joints: JointTrack,
 }
+
+/// Where a capture that goes on from another begins.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Start {
+    /// Number of its first frame.
+    pub frame: u32,
+    /// Number of its first sweep.
+    pub sweep: u32,
+    /// Time of the first joints.
+    pub time_s: f64,
+}
+
+/// Time from one sweep to the next. What the arm does meanwhile is no matter: nobody looks.
+pub(super) const PAUSE_S: f64 = 1.0;
 
 /// How to measure a capture.
 #[derive(Debug, Clone, PartialEq)]
@@ -105,6 +119,25 @@ impl Capture {
     pub(super) fn base_from_scanner(&self, time_s: f64) -> Option<Isometry3<f64>> {
         let q_rad = self.joints.at(time_s)?;
         Some(self.arm.base_from_palm(&q_rad) * self.rig.palm_from_scanner)
+    }
+
+    /// Where the next sweeps would begin.
+    #[must_use]
+    pub fn end(&self) -> Start {
+        Start {
+            frame: self.frames.len() as u32,
+            sweep: self.frames.last().map_or(0, |frame| frame.sweep + 1),
+            time_s: self.joints.samples().last().map_or(0.0, |sample| sample.time_s + PAUSE_S),
+        }
+    }
+
+    /// This capture and one that begins at its end.
+    ///
+    /// # Errors
+    /// When the other begins before this one ends.
+    pub fn followed_by(mut self, other: Self) -> Result<Self, JointTrackError> {
+        self.frames.extend(other.frames);
+        Ok(Self { joints: self.joints.followed_by(other.joints)?, ..self })
     }
 
     /// Measures: points of the laser plane from pixels, joined from both cameras, placed by the arm's joints. The result

@@ -64,6 +64,15 @@ impl JointTrack {
         Ok(Self { samples })
     }
 
+    /// This track and then another.
+    ///
+    /// # Errors
+    /// When the other begins before this one ends.
+    pub fn followed_by(mut self, other: Self) -> Result<Self, JointTrackError> {
+        self.samples.extend(other.samples);
+        Self::new(self.samples)
+    }
+
     /// All samples.
     #[must_use]
     pub fn samples(&self) -> &[JointSample] {

@@ -6,6 +6,7 @@ pub mod clock_offset;
 pub mod instrument;
 pub mod joints;
 mod mount;
+pub mod next_sweep;
 pub mod optics;
 pub mod profile;
 pub mod recording;
@@ -13,6 +14,7 @@ pub mod render;
 pub mod rig;
 pub mod stripe;
 pub mod sweep;
+pub mod unseen;
 pub mod virtual_capture;
 pub mod virtual_scan;
 

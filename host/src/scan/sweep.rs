@@ -44,6 +44,8 @@ pub struct SweepSettings {
     pub margin_m: f64,
     /// Number of inclined views, evenly around the target. The paper sweeps once, straight down: 0.
     pub inclined: u32,
+    /// After the views above, at most so many more, each chosen for what is still unseen ([`super::next_sweep::chain`]).
+    pub next_best: u32,
     /// Width along the stripe that a pass covers; by default that of the cameras' field at the stand-off.
     pub field_width_m: Option<f64>,
     /// Angles between an inclined view and the vertical, in the order in which they are tried.
@@ -58,6 +60,14 @@ impl SweepSettings {
     }
 }
 
+impl SweepSettings {
+    /// One sweep straight down, and up to eight that look at what is still unseen.
+    #[must_use]
+    pub fn next_best() -> Self {
+        Self { next_best: 8, ..Self::paper() }
+    }
+}
+
 impl Default for SweepSettings {
     fn default() -> Self {
         Self {
@@ -65,6 +75,7 @@ impl Default for SweepSettings {
             pitch_m: 0.001,
             margin_m: 0.005,
             inclined: 4,
+            next_best: 0,
             field_width_m: None,
             tilts_rad: [45.0, 35.0, 25.0].map(f64::to_radians).to_vec(),
         }
@@ -129,6 +140,17 @@ pub fn target_sphere(mesh: &Mesh) -> (Point3<f64>, f64) {
     (center, mesh.vertices().iter().map(|p| (p - center).norm()).fold(0.0, f64::max))
 }
 
+/// The scanner's axes when it looks at the target from an azimuth (about z from x) and a tilt (from the vertical), rolled
+/// about its own z.
+pub(super) fn looking(azimuth_rad: f64, tilt_rad: f64, roll_rad: f64) -> UnitQuaternion<f64> {
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), azimuth_rad)
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), tilt_rad);
+    // z looks down, x (the motion) runs across the azimuth, so that an inclined stripe runs up the object.
+    let looking_down = Rotation3::from_basis_unchecked(&[Vector3::y(), Vector3::x(), -Vector3::z()]);
+    let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), roll_rad);
+    UnitQuaternion::from_rotation_matrix(&(turn * looking_down * roll))
+}
+
 struct View<'a> {
     center: &'a Point3<f64>,
     /// Where the scanner stands, seen from the target, about z from x.
@@ -144,12 +166,7 @@ impl View<'_> {
         instrument: &Instrument,
         settings: &SweepSettings,
     ) -> Vec<Vec<StripePose>> {
-        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.azimuth_rad)
-            * Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt_rad);
-        // z looks down, x (the motion) runs across the azimuth, so that an inclined stripe runs up the object.
-        let looking_down = Rotation3::from_basis_unchecked(&[Vector3::y(), Vector3::x(), -Vector3::z()]);
-        let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), self.roll_rad);
-        let rotation = UnitQuaternion::from_rotation_matrix(&(turn * looking_down * roll));
+        let rotation = looking(self.azimuth_rad, self.tilt_rad, self.roll_rad);
         let half_length = radius_m + settings.margin_m;
         let count = (2.0 * half_length / settings.pitch_m).ceil().clamp(1.0, 1e5) as u32;
         let passes = (2.0 * radius_m / settings.field_width_m.unwrap_or(instrument.field_width_m()))

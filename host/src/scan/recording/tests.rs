@@ -6,12 +6,12 @@ use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use super::*;
 use crate::object::BuiltIn;
 use crate::plan::arm::Arm;
-use crate::scan::capture::{Capture, MeasureSettings};
+use crate::scan::capture::{Capture, MeasureSettings, Start};
 use crate::scan::joints::carry;
 use crate::scan::optics::Optics;
 use crate::scan::render::Renderer;
 use crate::scan::rig::Rig;
-use crate::scan::virtual_capture::{CarriedSweep, virtual_capture};
+use crate::scan::virtual_capture::{CarriedSweep, CellSettings, virtual_capture};
 use crate::scan::{Instrument, StripePose, Sweep, palm_from_scanner};
 use crate::surface::Plane;
 
@@ -36,10 +36,18 @@ fn record(folder: &Path, content: Content) -> (PathBuf, Capture) {
     let renderer = Renderer::new(&object, Some(Plane::horizontal(0.0)), &instrument, &optics).unwrap();
     let target = folder.join("recording");
     let writer = RecordingWriter::create(&target, content).unwrap();
-    let sink =
-        |frame: usize, camera: Camera, image: &image::GrayImage| writer.image(frame as u32, camera, image);
+    let sink = |frame: u32, camera: Camera, image: &image::GrayImage| writer.image(frame, camera, image);
     let sweeps = [CarriedSweep { sweep, joints }];
-    let capture = virtual_capture(&renderer, &arm, &rig, &sweeps, 0.0, 1, &sink).unwrap();
+    let capture = virtual_capture(
+        &renderer,
+        &arm,
+        &rig,
+        &sweeps,
+        Start::default(),
+        CellSettings { offset_s: 0.0, seed: 1 },
+        &sink,
+    )
+    .unwrap();
     writer.finish(&capture).unwrap();
     (target, capture)
 }

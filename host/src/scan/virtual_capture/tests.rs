@@ -36,8 +36,17 @@ fn capture(mesh: &Mesh, sweeps: &[CarriedSweep], optics: &Optics, offset_s: f64)
     let instrument = Instrument::default();
     let rig = Rig::calibrated(&instrument, optics, 1).unwrap();
     let renderer = Renderer::new(mesh, Some(Plane::horizontal(0.0)), &instrument, optics).unwrap();
-    let sink = |_: usize, _: Camera, _: &GrayImage| Ok::<(), Infallible>(());
-    virtual_capture(&renderer, &Arm::rx60(), &rig, sweeps, offset_s, 1, &sink).unwrap()
+    let sink = |_: u32, _: Camera, _: &GrayImage| Ok::<(), Infallible>(());
+    virtual_capture(
+        &renderer,
+        &Arm::rx60(),
+        &rig,
+        sweeps,
+        Start::default(),
+        CellSettings { offset_s, seed: 1 },
+        &sink,
+    )
+    .unwrap()
 }
 
 /// Distances of the cloud's points from what there is, those above the table's and all.
