@@ -4,6 +4,7 @@
 //! the scanner looks, in which it can be carried over all that is there, at the distance at which it measures) is rated
 //! by the frontier of the unseen that its laser would light; the best is swept, until no candidate shows enough.
 
+use std::collections::BTreeSet;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
@@ -57,9 +58,15 @@ pub fn chain<E>(
     let mut unseen = Unseen::new(&given.center, given.radius_m, given.table_height_m);
     unseen.add(&scan(&made.sweeps)?);
     let mut tried: Vec<[u32; 2]> = Vec::new();
+    // What a view promised to show and did not.
+    let mut given_up: BTreeSet<[usize; 3]> = BTreeSet::new();
     for _ in 0..most {
-        let Some(next) = next_view(&unseen, &tried, given) else { break };
+        let mut frontier = unseen.frontier();
+        frontier.retain(|f| !given_up.contains(&f.place));
+        let Some(next) = next_view(&unseen, &frontier, &tried, given) else { break };
         unseen.add(&scan(&next.sweeps)?);
+        let left: BTreeSet<[usize; 3]> = unseen.frontier().iter().map(|f| f.place).collect();
+        given_up.extend(next.promised.intersection(&left));
         tried.push(next.direction);
         made.sweeps.extend(next.sweeps);
     }
@@ -71,10 +78,16 @@ struct NextView {
     /// Numbers of azimuth and tilt.
     direction: [u32; 2],
     sweeps: Vec<Sweep>,
+    /// Voxels that it should show.
+    promised: BTreeSet<[usize; 3]>,
 }
 
-fn next_view(unseen: &Unseen, tried: &[[u32; 2]], given: &Chain<'_>) -> Option<NextView> {
-    let frontier = unseen.frontier();
+fn next_view(
+    unseen: &Unseen,
+    frontier: &[Frontier],
+    tried: &[[u32; 2]],
+    given: &Chain<'_>,
+) -> Option<NextView> {
     let surface = unseen.surface();
     let target: Vec<Point3<f64>> = surface.iter().copied().chain(frontier.iter().map(|f| f.center)).collect();
     let least = LEAST_GAIN.max((LEAST_SHARE * surface.len() as f64) as usize);
@@ -84,7 +97,7 @@ fn next_view(unseen: &Unseen, tried: &[[u32; 2]], given: &Chain<'_>) -> Option<N
         for a in 0..if tilt_deg == 0.0 { 1 } else { AZIMUTHS } {
             let azimuth_rad = TAU * f64::from(a) / f64::from(AZIMUTHS);
             let view = View::over(&target, azimuth_rad, tilt_deg.to_radians(), given)?;
-            let gain = view.gain(&frontier, unseen, given);
+            let gain = view.lit(frontier, unseen, given).count();
             if gain >= least && !tried.contains(&[a, t]) {
                 promising.push((gain as f64 / (view.duration_s(given) + CHANGE_S), [a, t], view));
             }
@@ -106,6 +119,7 @@ fn next_view(unseen: &Unseen, tried: &[[u32; 2]], given: &Chain<'_>) -> Option<N
             };
             passes.iter().all(|pass| (given.reachable)(pass)).then(|| NextView {
                 direction,
+                promised: view.lit(frontier, unseen, given).map(|f| f.place).collect(),
                 sweeps: passes.into_iter().map(|stripes| Sweep { name: name.clone(), stripes }).collect(),
             })
         })
@@ -180,14 +194,18 @@ impl View {
     }
 
     /// Voxels of the frontier that the laser would light.
-    fn gain(&self, frontier: &[Frontier], unseen: &Unseen, given: &Chain<'_>) -> usize {
+    fn lit<'a>(
+        &'a self,
+        frontier: &'a [Frontier],
+        unseen: &'a Unseen,
+        given: &'a Chain<'_>,
+    ) -> impl Iterator<Item = &'a Frontier> {
         let least_cosine = given.instrument.max_incidence_rad.cos();
-        let lit = |f: &&Frontier| {
+        frontier.iter().filter(move |f| {
             let in_scanner = self.rotation.inverse() * f.center.coords;
             let to_laser = self.rotation * (self.aperture(&in_scanner, given) - in_scanner).normalize();
             f.outward.dot(&to_laser) > least_cosine && unseen.is_clear(&f.center, &to_laser)
-        };
-        frontier.iter().filter(lit).count()
+        })
     }
 
     fn passes(&self, given: &Chain<'_>) -> Vec<Vec<StripePose>> {

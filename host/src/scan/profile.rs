@@ -55,7 +55,7 @@ pub struct ProfileSettings {
 
 impl Default for ProfileSettings {
     fn default() -> Self {
-        Self { agreement_m: 0.0008, gap_m: 0.0006, pitch_m: 0.0005, spread_m: 0.0005 }
+        Self { agreement_m: 0.0008, gap_m: 0.0006, pitch_m: 0.001, spread_m: 0.0005 }
     }
 }
 

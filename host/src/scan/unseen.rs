@@ -19,6 +19,8 @@ enum Voxel {
 /// An unknown voxel next to an empty one.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Frontier {
+    /// Its numbers in the box.
+    pub place: [usize; 3],
     /// Its middle, base frame.
     pub center: Point3<f64>,
     /// Unit vector towards what is empty: out of whatever is there.
@@ -40,15 +42,17 @@ const VOXEL_M: f64 = 0.003;
 const MAX_SIDE: f64 = 200.0;
 /// Points that are nearer to the table are taken for its own.
 const TABLE_M: f64 = 0.0015;
-/// A line of sight empties nothing nearer to its point than this, and one that is asked about starts there.
+/// A line of sight empties nothing nearer to its point than this, in voxels, and one that is asked about starts there. The
+/// table has no voxels of its own that could be emptied by mistake.
 const CLEARANCE: f64 = 1.8;
+const TABLE_CLEARANCE: f64 = 0.5;
 const STEP: f64 = 0.5;
 
 impl Unseen {
     /// Knows nothing of the sphere that holds the target, above a table of the given height.
     #[must_use]
     pub fn new(center: &Point3<f64>, radius_m: f64, table_height_m: f64) -> Self {
-        let low = Point3::new(center.x - radius_m, center.y - radius_m, table_height_m);
+        let low = Point3::new(center.x - radius_m, center.y - radius_m, table_height_m + TABLE_M);
         let high = center + Vector3::repeat(radius_m);
         // One voxel around it, so that every surface of the target can have empty neighbours.
         let low = low - Vector3::new(VOXEL_M, VOXEL_M, 0.0);
@@ -81,7 +85,8 @@ impl Unseen {
             }
         }
         for (point, view) in cloud.points.iter().zip(cloud.views.iter().flatten()) {
-            self.walk(point, view, |voxel| {
+            let on_table = point.z <= self.table_height_m + TABLE_M;
+            self.walk(point, view, if on_table { TABLE_CLEARANCE } else { CLEARANCE }, |voxel| {
                 if *voxel == Voxel::Unknown {
                     *voxel = Voxel::Empty;
                 }
@@ -95,11 +100,12 @@ impl Unseen {
         &mut self,
         from: &Point3<f64>,
         direction: &Vector3<f64>,
+        clearance: f64,
         mut see: impl FnMut(&mut Voxel) -> bool,
     ) {
         let steps = self.steps();
         for i in 0..steps {
-            let at = from + direction * ((CLEARANCE + STEP * f64::from(i)) * VOXEL_M);
+            let at = from + direction * ((clearance + STEP * f64::from(i)) * VOXEL_M);
             match self.index(&at) {
                 Some(index) if !see(&mut self.voxels[index]) => return,
                 Some(_) => {}
@@ -179,7 +185,7 @@ impl Unseen {
                 }
             }
             if let Some(outward) = outward.try_normalize(0.5) {
-                frontier.push(Frontier { center: self.center(place), outward });
+                frontier.push(Frontier { place, center: self.center(place), outward });
             }
         }
         frontier
