@@ -189,12 +189,18 @@ pub(super) fn rendered(args: &ScanArgs, object: &Object) -> anyhow::Result<Image
     })
 }
 
+/// Largest calibration that is read.
+const MAX_CALIBRATION_BYTES: u64 = 1 << 22;
+
 /// The scanner, calibrated by the files that were named, or by the virtual measuring machine.
 fn rig(args: &ScanArgs, instrument: &Instrument, optics: &Optics) -> anyhow::Result<Rig> {
     let [left, right] = args.calibration.as_slice() else {
         return Rig::calibrated(instrument, optics, args.seed).context("calibrating the virtual scanner");
     };
     let camera = |path: &Path| {
+        let metadata = std::fs::metadata(path).with_context(|| path.display().to_string())?;
+        let is_sane = metadata.is_file() && metadata.len() <= MAX_CALIBRATION_BYTES;
+        anyhow::ensure!(is_sane, "{}: not a file, or larger than a calibration", path.display());
         let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
         let calibration = Calibration::from_toml(&text).with_context(|| path.display().to_string())?;
         Ok::<_, anyhow::Error>(StripeCamera::new(calibration, instrument.pixels))

@@ -118,15 +118,15 @@ pub fn carry(
     let (first, last) = (stripes.first()?, stripes.last()?);
     let scanner_from_palm = palm_from_scanner.inverse();
     let steps = ((last.time_s - first.time_s) / PERIOD_S).ceil().clamp(0.0, 1e6) as i32;
-    let way: Vec<(f64, Isometry3<f64>)> = (-RUN_UP..=steps + RUN_UP)
-        .map(|i| {
-            let time_s = first.time_s + f64::from(i) * PERIOD_S;
-            (time_s, pose_at(stripes, time_s) * scanner_from_palm)
-        })
-        .collect();
-    let Inverse::Solutions(starts) = arm.palm_solutions_near(&way.first()?.1, &[0.0; 6]) else {
+    let at = |i: i32| {
+        let time_s = first.time_s + f64::from(i) * PERIOD_S;
+        (time_s, pose_at(stripes, time_s) * scanner_from_palm)
+    };
+    // Most ways that cannot be gone cannot be begun.
+    let Inverse::Solutions(starts) = arm.palm_solutions_near(&at(-RUN_UP).1, &[0.0; 6]) else {
         return None;
     };
+    let way: Vec<(f64, Isometry3<f64>)> = (-RUN_UP..=steps + RUN_UP).map(at).collect();
     starts.iter().find_map(|start| follow(arm, &way, &start.q_rad))
 }
 

@@ -6,10 +6,10 @@ use parry3d_f64::{math::Vector, query::PointQuery, shape::TriMesh};
 
 use super::*;
 use crate::object::{BuiltIn, Object};
-use crate::scan::capture::{MeasureSettings, Measured};
+use crate::scan::capture::{MeasureError, MeasureSettings, Measured};
 use crate::scan::clock_offset::ClockOffset;
 use crate::scan::joints::carry;
-use crate::scan::optics::Optics;
+use crate::scan::optics::{Finish, Optics};
 use crate::scan::{Instrument, SweepSettings, palm_from_scanner, plan_sweeps, target_sphere};
 use crate::surface::{Mesh, Plane};
 
@@ -71,7 +71,8 @@ fn images_of_the_lid_give_its_cloud() {
     let sweeps = carried(&mesh, &SweepSettings::default());
     assert_eq!(sweeps.len(), 5);
     let clock = Instant::now();
-    let capture = capture(&mesh, &sweeps, &Optics::default(), 0.0);
+    let glazed = Optics { object: Finish::glazed(), ..Optics::default() };
+    let capture = capture(&mesh, &sweeps, &glazed, 0.0);
     println!("rendered and extracted in {:.2} s", clock.elapsed().as_secs_f64());
     let clock = Instant::now();
     let measured = capture.measure(&MeasureSettings::default()).unwrap();
@@ -114,6 +115,50 @@ fn a_late_camera_is_found_out_and_put_right() {
     let [bad, good] = [&raw, &measured].map(|m| share_within(&errors(&mesh, m).0, 0.0002));
     println!("within 0.2 mm: {bad:.3} as stamped, {good:.3} put right");
     assert!(good > bad + 0.05);
+}
+
+#[test]
+fn either_camera_may_lose_the_stripe() {
+    let mesh = placed(&BuiltIn::Cube.object(1.0).unwrap());
+    let sweeps = carried(&mesh, &SweepSettings::paper());
+    let both = capture(&mesh, &sweeps, &Optics::default(), 0.0);
+    let whole = both.measure(&MeasureSettings::default()).unwrap();
+    for camera in Camera::ALL {
+        let mut half = both.clone();
+        half.frames.iter_mut().for_each(|frame| frame.stripes[camera as usize] = None);
+        let measured = half.measure(&MeasureSettings::default()).unwrap();
+        assert_eq!(measured.report.missing_images, half.frames.len());
+        assert_eq!(measured.report.pixels.agreed, 0);
+        let (object, all) = errors(&mesh, &measured);
+        println!(
+            "without {camera:?}: {} of {} points, within 0.3 mm {:.4} of the object's, {:.4} of all",
+            all.len(),
+            whole.cloud.len(),
+            share_within(&object, 0.0003),
+            share_within(&all, 0.0003)
+        );
+        assert!(2 * all.len() > whole.cloud.len());
+        assert!(share_within(&object, 0.0003) >= 0.95 && share_within(&all, 0.0003) >= 0.95);
+    }
+    // And in turn: every frame has one of the two.
+    let mut turns = both;
+    turns.frames.iter_mut().enumerate().for_each(|(i, frame)| frame.stripes[i % 2] = None);
+    let measured = turns.measure(&MeasureSettings::default()).unwrap();
+    assert!(share_within(&errors(&mesh, &measured).1, 0.0003) >= 0.95);
+}
+
+#[test]
+fn joints_that_do_not_cover_a_frame_are_an_error() {
+    let mesh = placed(&BuiltIn::Cube.object(1.0).unwrap());
+    let sweeps = carried(&mesh, &SweepSettings { pitch_m: 0.02, ..SweepSettings::paper() });
+    let mut capture = capture(&mesh, &sweeps, &Optics::default(), 0.0);
+    capture.frames[2].time_s = 99.0;
+    let error = capture.measure(&MeasureSettings::default()).unwrap_err();
+    assert_eq!(error, MeasureError::Uncovered { frame: 2, time_s: 99.0 });
+    assert_eq!(error.to_string(), "frame 2 at 99 s: the arm's joints do not cover that time");
+    capture.frames.iter_mut().for_each(|frame| frame.stripes = [None, None]);
+    capture.frames[2].time_s = capture.frames[1].time_s;
+    assert_eq!(capture.measure(&MeasureSettings::default()), Err(MeasureError::Nothing));
 }
 
 #[test]
