@@ -25,7 +25,7 @@ use crate::surface::{Mesh, Plane, PointCloud};
 #[derive(Debug, Clone, Args)]
 #[command(
     group = ArgGroup::new("source").required(true).args(["object", "recording"]),
-    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd\n  prehend scan --virtual mouse --images -o cloud.ply\n  prehend scan --virtual mouse --record mouse-scan -o cloud.ply\n  prehend scan --recording mouse-scan -o cloud.ply"
+    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd\n  prehend scan --virtual mouse --images --sweeps paper -o cloud.ply\n  prehend scan --virtual mouse --sweeps paper --record mouse-scan -o cloud.ply\n  prehend scan --recording mouse-scan -o cloud.ply"
 )]
 pub struct ScanArgs {
     /// Object in the virtual cell: teacup-cover, cube, cylinder, mouse, disk, or a mesh file (stood upright in its own z)
