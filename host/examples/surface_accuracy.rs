@@ -16,13 +16,15 @@ use std::time::Instant;
 
 use anyhow::Context;
 use host::object::BuiltIn;
-use host::plan::arm::{Arm, Inverse};
+use host::plan::arm::Arm;
 use host::plan::attempt::{AttemptScratch, attempt};
 use host::plan::paper;
 use host::plan::scene::Scene;
 use host::plan::search::SearchSettings;
 use host::plan::surface_query::SurfaceQuery;
-use host::scan::{Instrument, Scan, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere};
+use host::scan::{
+    Instrument, Scan, StripePose, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere,
+};
 use host::surface::{Mesh, Plane, Reconstruction, Settings, Table, reconstruct};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rand::{RngExt, SeedableRng};
@@ -158,9 +160,8 @@ fn main() -> anyhow::Result<()> {
 fn scanned(truth: &Mesh, instrument: &Instrument, seed: u64) -> anyhow::Result<Scan> {
     let arm = Arm::rx60();
     let scanner_from_palm = palm_from_scanner().inverse();
-    let reachable = |pose: &Isometry3<f64>| {
-        matches!(arm.palm_solutions_near(&(pose * scanner_from_palm), &[0.0; 6]), Inverse::Solutions(_))
-    };
+    let holds = |stripe: &StripePose| arm.reaches_palm(&(stripe.base_from_scanner * scanner_from_palm));
+    let reachable = |pass: &[StripePose]| pass.iter().all(holds);
     let (center, radius_m) = target_sphere(truth);
     let plan = plan_sweeps(&center, radius_m, instrument, &SweepSettings::default(), &reachable);
     Ok(scan(truth, Some(Plane::horizontal(0.0)), &plan.sweeps, instrument, seed)?)

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, ensure};
-use clap::Args;
+use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::{Outcome, input, write_json};
@@ -15,11 +15,14 @@ use crate::scan::calibrate::{
     Bench, BenchCamera, CalibrateSettings, Calibrated, Candidate, Errors, Fit, MarkerPair, Verification,
     calibrate, parse_markers,
 };
+use crate::scan::optics::Optics;
+use crate::scan::rig::scanner_markers;
+use crate::scan::{Camera, Instrument};
 
 /// Calibrate a camera of the scanner: three models compete on held-out markers
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Markers: CSV with the header u_px,v_px,x_mm,y_mm,row; x along the stripe, y away from the laser.\n\nExamples:\n  prehend calibrate -o camera.toml\n  prehend calibrate --rippled -o camera.toml\n  prehend calibrate --markers left.csv -o left.toml"
+    after_help = "Markers: CSV with the header u_px,v_px,x_mm,y_mm,row; x along the stripe, y away from the laser.\n\nExamples:\n  prehend calibrate -o camera.toml\n  prehend calibrate --rippled -o camera.toml\n  prehend calibrate --camera left -o left.toml\n  prehend calibrate --markers left.csv -o left.toml"
 )]
 pub struct CalibrateArgs {
     /// Marker pairs of one camera; by default the virtual measuring bench makes them (20 markers x 50 positions)
@@ -28,6 +31,9 @@ pub struct CalibrateArgs {
     /// Calibration to write, or - for standard output
     #[arg(short, long, value_name = "FILE.toml")]
     pub output: PathBuf,
+    /// Calibrate this camera of the virtual scanner on a bench that covers its field; scan --calibration takes both
+    #[arg(long, value_enum, value_name = "SIDE", conflicts_with_all = ["markers", "rippled"])]
+    pub camera: Option<Side>,
     /// Noise of the virtual bench's markers, pixels
     #[arg(long, value_name = "PX", default_value_t = 0.1, value_parser = input::not_negative, conflicts_with = "markers")]
     pub noise: f64,
@@ -40,6 +46,24 @@ pub struct CalibrateArgs {
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
+}
+
+/// `--camera`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Side {
+    /// At negative x of the scanner frame
+    Left,
+    /// At positive x
+    Right,
+}
+
+impl Side {
+    const fn camera(self) -> Camera {
+        match self {
+            Self::Left => Camera::Left,
+            Self::Right => Camera::Right,
+        }
+    }
 }
 
 #[derive(Serialize)]
@@ -73,9 +97,13 @@ const UM: f64 = 1e-6;
 pub fn run(args: &CalibrateArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let to_stdout = args.output.as_os_str() == "-";
     ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
-    let (pairs, truth) = match &args.markers {
-        Some(path) => (read_markers(path)?, Vec::new()),
-        None => {
+    let (pairs, truth) = match (&args.markers, args.camera) {
+        (Some(path), _) => (read_markers(path)?, Vec::new()),
+        (None, Some(side)) => {
+            let (instrument, optics) = (Instrument::default(), Optics::default());
+            (scanner_markers(&instrument, &optics, side.camera(), args.noise, args.seed), Vec::new())
+        }
+        (None, None) => {
             let camera = if args.rippled { BenchCamera::rippled() } else { BenchCamera::default() };
             let bench = Bench { noise_px: args.noise, ..Bench::default() };
             (bench.measure(&camera, args.seed), bench.verification(&camera, OUTSIDE_M))
@@ -190,7 +218,7 @@ mod tests {
     use crate::scan::calibrate::{Calibration, Evaluation};
 
     fn args(markers: Option<PathBuf>, output: PathBuf) -> CalibrateArgs {
-        CalibrateArgs { markers, output, noise: 0.1, rippled: false, seed: 1, json: true }
+        CalibrateArgs { markers, output, camera: None, noise: 0.1, rippled: false, seed: 1, json: true }
     }
 
     #[test]

@@ -25,6 +25,7 @@ mod progress;
 pub mod quality;
 pub mod reconstruct;
 pub mod scan;
+mod scan_images;
 
 /// How a command that ran ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

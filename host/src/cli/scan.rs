@@ -4,35 +4,66 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use anyhow::Context;
-use clap::{Args, ValueEnum};
+use clap::{ArgGroup, Args, ValueEnum};
 use nalgebra::{Isometry3, Point3};
 use serde::Serialize;
 
 use super::input::{self, TABLE_HEIGHT_M};
+use super::scan_images::{self, ImageScan, ImageSummary};
 use super::{Outcome, write_json};
 use crate::io::{CloudFormat, Unit, write_cloud, write_cloud_to};
 use crate::object::Object;
-use crate::plan::arm::{Arm, Inverse};
+use crate::plan::arm::Arm;
+use crate::scan::next_sweep::{Chain, chain};
 use crate::scan::{
-    Instrument, Scan, SweepPlan, SweepSettings, palm_from_scanner, plan_sweeps, scan, target_sphere,
+    Instrument, Scan, StripePose, Sweep, SweepPlan, SweepSettings, palm_from_scanner, plan_sweeps, scan,
+    target_sphere,
 };
-use crate::surface::{Mesh, Plane};
+use crate::surface::{Mesh, Plane, PointCloud};
 
 /// Sweep an object with the laser scanner and write the cloud in the robot's base frame
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd"
+    group = ArgGroup::new("source").required(true).args(["object", "recording"]),
+    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd\n  prehend scan --virtual mouse --images --sweeps paper -o cloud.ply\n  prehend scan --virtual mouse --sweeps paper --record mouse-scan -o cloud.ply\n  prehend scan --recording mouse-scan -o cloud.ply"
 )]
 pub struct ScanArgs {
     /// Object in the virtual cell: teacup-cover, cube, cylinder, mouse, disk, or a mesh file (stood upright in its own z)
     #[arg(long = "virtual", value_name = "OBJECT")]
-    pub object: String,
+    pub object: Option<String>,
+    /// Recording to measure: a folder with scan.toml, frames and joints
+    #[arg(
+        long,
+        value_name = "DIR",
+        conflicts_with_all = [
+            "images", "record", "record_stripes", "calibration", "clock_offset_ms", "sweeps", "seed", "unit",
+        ]
+    )]
+    pub recording: Option<PathBuf>,
     /// Cloud to write (.ply .pcd .xyz .txt .csv), or - for PLY on standard output
     #[arg(short, long, value_name = "CLOUD")]
     pub output: PathBuf,
     /// Sweeps to make
     #[arg(long, value_enum, default_value_t)]
     pub sweeps: Sweeps,
+    /// Render what both cameras see, and measure the images
+    #[arg(long)]
+    pub images: bool,
+    /// Calibrations of the left and the right camera (prehend calibrate --camera); by default the virtual bench's
+    #[arg(long, num_args = 2, value_names = ["LEFT.toml", "RIGHT.toml"])]
+    pub calibration: Vec<PathBuf>,
+    /// Folder to write with the images and the arm's joints, which --recording reads
+    #[arg(long, value_name = "DIR")]
+    pub record: Option<PathBuf>,
+    /// Record the stripes found in the images, not the images
+    #[arg(long, requires = "record")]
+    pub record_stripes: bool,
+    /// How early the virtual cameras' time stamps are, milliseconds: something to find out
+    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = clock_offset_ms, allow_negative_numbers = true)]
+    pub clock_offset_ms: f64,
+    /// Leave the clocks of cameras and arm as they are, whatever the images say
+    #[arg(long)]
+    pub keep_clock: bool,
     /// Seed of the noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
@@ -47,6 +78,16 @@ pub struct ScanArgs {
     pub json: bool,
 }
 
+/// The most that the clocks of a virtual scan may differ: the arm's joints are known for so long beyond each sweep.
+const MAX_CLOCK_OFFSET_MS: f64 = 60.0;
+
+fn clock_offset_ms(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(value) if value.abs() <= MAX_CLOCK_OFFSET_MS => Ok(value),
+        _ => Err(format!("give a number between -{MAX_CLOCK_OFFSET_MS} and {MAX_CLOCK_OFFSET_MS}")),
+    }
+}
+
 /// `--sweeps`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, ValueEnum)]
 pub enum Sweeps {
@@ -55,6 +96,8 @@ pub enum Sweeps {
     Around,
     /// One sweep straight down, as in the paper of 2005
     Paper,
+    /// Straight down, and then each sweep where most is still unseen
+    NextBest,
 }
 
 impl Sweeps {
@@ -64,6 +107,7 @@ impl Sweeps {
         match self {
             Self::Around => SweepSettings::default(),
             Self::Paper => SweepSettings::paper(),
+            Self::NextBest => SweepSettings::next_best(),
         }
     }
 }
@@ -71,11 +115,14 @@ impl Sweeps {
 #[derive(Serialize)]
 struct Summary {
     points: usize,
-    object_points: usize,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    object_points: Option<usize>,
     stripes: usize,
     sweeps: Vec<String>,
     unreachable: Vec<String>,
     scan_s: f64,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    images: Option<ImageSummary>,
 }
 
 /// Runs the command.
@@ -83,26 +130,28 @@ pub fn run(args: &ScanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let to_stdout = args.output.as_os_str() == "-";
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let format = if to_stdout { CloudFormat::Ply } else { CloudFormat::from_path(&args.output)? };
-    let object = input::object(&args.object, args.unit, None, 0.4)?;
-    let (mesh, _) = placed(&object);
-    let (sweeps, mut scan) = sweep(&mesh, &args.sweeps.settings(), &Instrument::default(), args.seed)
-        .with_context(|| format!("scanning {}", object.name))?;
+    let (mut cloud, mut summary) = match (&args.recording, &args.object) {
+        (Some(folder), _) => of_images(scan_images::recorded(folder, !args.keep_clock)?),
+        (None, Some(name)) => {
+            let object = input::object(name, args.unit, None, 0.4)?;
+            let scanning = || format!("scanning {}", object.name);
+            if args.images || args.record.is_some() || !args.calibration.is_empty() {
+                of_images(scan_images::rendered(args, &object).with_context(scanning)?)
+            } else {
+                of_rays(&object, args).with_context(scanning)?
+            }
+        }
+        (None, None) => anyhow::bail!("give --virtual or --recording"),
+    };
     if args.no_table {
-        scan.cloud = scan.cloud.filtered(|_, p| p.z > TABLE_HEIGHT_M + 0.001);
+        cloud = cloud.filtered(|_, p| p.z > TABLE_HEIGHT_M + 0.001);
+        summary.points = cloud.len();
     }
     if to_stdout {
-        write_cloud_to(format, out, &scan.cloud)?;
+        write_cloud_to(format, out, &cloud)?;
         return Ok(Outcome::Done);
     }
-    write_cloud(&args.output, &scan.cloud)?;
-    let summary = Summary {
-        points: scan.cloud.len(),
-        object_points: scan.object_points,
-        stripes: scan.stripes,
-        sweeps: sweeps.sweeps.iter().map(|sweep| sweep.name.clone()).collect(),
-        unreachable: sweeps.dropped.clone(),
-        scan_s: scan.duration_s,
-    };
+    write_cloud(&args.output, &cloud)?;
     if args.json {
         write_json(out, &summary)?;
     } else {
@@ -110,6 +159,36 @@ pub fn run(args: &ScanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         writeln!(out, "wrote {}", args.output.display())?;
     }
     Ok(Outcome::Done)
+}
+
+fn of_rays(object: &Object, args: &ScanArgs) -> anyhow::Result<(PointCloud, Summary)> {
+    let (mesh, _) = placed(object);
+    let (sweeps, scan) = sweep(&mesh, &args.sweeps.settings(), &Instrument::default(), args.seed)?;
+    let summary = Summary {
+        points: scan.cloud.len(),
+        object_points: Some(scan.object_points),
+        stripes: scan.stripes,
+        sweeps: sweeps.sweeps.iter().map(|sweep| sweep.name.clone()).collect(),
+        unreachable: sweeps.dropped.clone(),
+        scan_s: scan.duration_s,
+        images: None,
+    };
+    Ok((scan.cloud, summary))
+}
+
+fn of_images(scan: ImageScan) -> (PointCloud, Summary) {
+    let ImageScan { measured, sweeps, unreachable, duration_s, mut images } = scan;
+    images.report = Some(measured.report.clone());
+    let summary = Summary {
+        points: measured.cloud.len(),
+        object_points: None,
+        stripes: measured.report.frames,
+        sweeps,
+        unreachable,
+        scan_s: duration_s,
+        images: Some(images),
+    };
+    (measured.cloud, summary)
 }
 
 fn describe(summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
@@ -123,6 +202,9 @@ fn describe(summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
     )?;
     for name in &summary.unreachable {
         writeln!(out, "the arm cannot make the sweep {name}")?;
+    }
+    if let Some(images) = &summary.images {
+        images.describe(out)?;
     }
     Ok(())
 }
@@ -142,14 +224,27 @@ pub(super) fn sweep(
 ) -> anyhow::Result<(SweepPlan, Scan)> {
     let arm = Arm::rx60();
     let scanner_from_palm = palm_from_scanner().inverse();
-    let reachable = |base_from_scanner: &Isometry3<f64>| {
-        matches!(
-            arm.palm_solutions_near(&(base_from_scanner * scanner_from_palm), &[0.0; 6]),
-            Inverse::Solutions(_)
-        )
-    };
+    let holds = |stripe: &StripePose| arm.reaches_palm(&(stripe.base_from_scanner * scanner_from_palm));
+    let reachable = |pass: &[StripePose]| pass.iter().all(holds);
     let (center, radius_m): (Point3<f64>, f64) = target_sphere(mesh);
-    let plan = plan_sweeps(&center, radius_m, instrument, settings, &reachable);
-    let scan = scan(mesh, Some(Plane::horizontal(TABLE_HEIGHT_M)), &plan.sweeps, instrument, seed)?;
+    let first = plan_sweeps(&center, radius_m, instrument, settings, &reachable);
+    let table = Plane::horizontal(TABLE_HEIGHT_M);
+    if settings.next_best == 0 {
+        let scan = scan(mesh, Some(table), &first.sweeps, instrument, seed)?;
+        return Ok((first, scan));
+    }
+    let given = Chain {
+        center,
+        radius_m,
+        table_height_m: TABLE_HEIGHT_M,
+        instrument,
+        settings,
+        reachable: &reachable,
+    };
+    let mut make =
+        |sweeps: &[Sweep]| scan(mesh, Some(table), sweeps, instrument, seed).map(|scan| scan.cloud);
+    let plan = chain(first, settings.next_best, &given, &mut make)?;
+    // All together, so that each stripe has noise of its own.
+    let scan = scan(mesh, Some(table), &plan.sweeps, instrument, seed)?;
     Ok((plan, scan))
 }

@@ -30,7 +30,7 @@ pub(super) enum Body {
 pub(super) struct Hit {
     pub(super) distance_m: f64,
     pub(super) normal: Vector3<f64>,
-    body: Body,
+    pub(super) body: Body,
 }
 
 /// A measured point, scanner frame, and whose surface it really is on.

@@ -73,6 +73,15 @@ impl Camera {
     /// Both.
     pub const ALL: [Self; 2] = [Self::Left, Self::Right];
 
+    /// As files name it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Left => "left",
+            Self::Right => "right",
+        }
+    }
+
     const fn sign(self) -> f64 {
         match self {
             Self::Left => -1.0,

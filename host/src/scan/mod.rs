@@ -1,11 +1,23 @@
 //! Scanning: a laser stripe, two cameras, and an arm that sweeps them over the object.
 pub mod calibrate;
+pub mod capture;
 mod cast;
+pub mod clock_offset;
 pub mod instrument;
+pub mod joints;
 mod mount;
+pub mod next_sweep;
+pub mod optics;
+pub mod profile;
+pub mod recording;
 pub mod render;
+pub mod rig;
 pub mod stripe;
 pub mod sweep;
+pub mod unseen;
+#[cfg(all(feature = "v4l2", target_os = "linux"))]
+pub mod video;
+pub mod virtual_capture;
 pub mod virtual_scan;
 
 pub use instrument::{Camera, Instrument};

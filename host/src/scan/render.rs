@@ -1,7 +1,9 @@
-//! What a camera of the scanner sees of the laser's stripe: an image, for the extractor to read.
+//! What the cameras of the scanner see of the laser's stripe: images, for the extractor to read.
 //!
 //! The laser sheet has a thickness, and is cast as several thin sheets of Gaussian weight: a spot that lies half beyond
-//! an edge, half in a shadow, or on a slope looks as it should without being told.
+//! an edge, half in a shadow, or on a slope looks as it should without being told. A surface with gloss mirrors the middle
+//! of the sheet once onto whatever is there, which makes the false stripes of glaze; evenly scattered light that lights
+//! its surroundings is left out.
 
 use image::{GrayImage, Luma};
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
@@ -9,62 +11,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-use super::cast::Scene;
+use super::cast::{Body, Hit, Scene};
 use super::instrument::{Camera, Instrument};
+use super::optics::{Finish, Optics};
 use super::virtual_scan::ScanError;
 use crate::surface::{Mesh, Plane};
-
-/// Light, lens and sensor, beyond the geometry of the [`Instrument`].
-#[derive(Debug, Clone, PartialEq)]
-pub struct Optics {
-    /// Standard deviation of the laser sheet's thickness.
-    pub spot_sigma_m: f64,
-    /// How far the middle of the sheet stands out of its plane, towards +x; it returns to it at the ends of the fan.
-    pub bow_m: f64,
-    /// Standard deviation of the lens's blur.
-    pub blur_px: f64,
-    /// Brown's k1, k2, p1, p2, on image coordinates over focal length.
-    pub distortion: [f64; 4],
-    /// Grey level at the middle of the stripe on a white surface that faces the laser at the stand-off. Above 255 it
-    /// saturates.
-    pub exposure: f64,
-    /// Grey level without the laser.
-    pub ambient: f64,
-    /// Standard deviation of the speckle over its mean; independent from one spot of the stripe to the next.
-    pub speckle: f64,
-    /// Electrons of a grey level; 0 for no shot noise.
-    pub electrons_per_level: f64,
-    /// Noise of the read-out, grey levels.
-    pub read_noise: f64,
-}
-
-impl Default for Optics {
-    /// A line 1 mm wide (four sigma), an ordinary lens, and a noisy camera. Assumed.
-    fn default() -> Self {
-        Self {
-            spot_sigma_m: 0.00025,
-            bow_m: 0.0,
-            blur_px: 0.7,
-            distortion: [-0.2, 0.05, 5e-4, -3e-4],
-            exposure: 200.0,
-            ambient: 5.0,
-            speckle: 0.15,
-            electrons_per_level: 10.0,
-            read_noise: 2.5,
-        }
-    }
-}
-
-impl Optics {
-    fn is_sound(&self) -> bool {
-        let Self {
-            spot_sigma_m, blur_px, exposure, ambient, speckle, electrons_per_level, read_noise, ..
-        } = *self;
-        let amounts = [spot_sigma_m, blur_px, exposure, ambient, speckle, electrons_per_level, read_noise];
-        amounts.iter().all(|x| x.is_finite() && *x >= 0.0)
-            && self.distortion.iter().chain([&self.bow_m]).all(|x| x.is_finite())
-    }
-}
 
 /// Thin sheets on each side of the middle one, out to so many sigma.
 const HALF_SHEETS: i32 = 4;
@@ -74,30 +25,61 @@ const RAYS_PER_PIXEL: f64 = 1.0;
 /// More are not a camera's.
 const MAX_RAYS: f64 = 1e5;
 const MAX_PIXELS: u64 = 100_000_000;
+/// How much wider than at the stand-off, seen from the aperture, the cameras' field is near by and through the lens.
+const FIELD_MARGIN: f64 = 1.15;
 /// Neighbouring rays whose images are farther apart lie on different surfaces.
 const MAX_GAP_PX: f64 = 4.0;
 /// Where a thin sheet's profile is cut off, in sigma.
 const REACH: f64 = 4.0;
+/// Phong's exponent of a highlight: some 7 degrees wide at half height. Normalised, a mirror's light is then
+/// (exponent + 2) / 2 times as bright in its middle as if it were scattered evenly.
+const HIGHLIGHT_EXPONENT: i32 = 200;
+/// A mirrored ray starts this far off the surface.
+const CLEARANCE_M: f64 = 1e-6;
+
+/// Rows of a sensor that are read out; all columns are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Window {
+    /// First row.
+    pub first_row_px: u32,
+    /// Number of rows.
+    pub rows_px: u32,
+}
 
 /// Renders exposures of one scene.
 pub struct Renderer {
     scene: Scene,
     instrument: Instrument,
     optics: Optics,
-    /// Offset, share of the light, and direction of each ray, for each thin sheet.
     sheets: Vec<Sheet>,
-    /// Profile of a thin sheet in the image.
+    /// Which of them is the middle one.
+    middle: usize,
+    /// Profile of a thin sheet in the image, and of the whole one.
     sigma_px: f64,
+    whole_sigma_px: f64,
 }
 
 /// One of the thin sheets that make up the laser's.
 struct Sheet {
+    /// Grey level in the middle of its image.
     level: f64,
     /// Origin and direction of neighbouring rays, scanner frame.
     rays: Vec<(Point3<f64>, Vector3<f64>)>,
 }
 
-/// A place that a thin sheet lights, as the camera sees it.
+/// A place that a ray lights.
+struct Spot {
+    in_base: Point3<f64>,
+    in_scanner: Point3<f64>,
+    normal: Vector3<f64>,
+    /// Light that is scattered evenly, relative to a white surface that faces the laser at the stand-off.
+    scattered: f64,
+    /// Light that is mirrored, on the same scale, and where to.
+    mirrored: f64,
+    mirror: Vector3<f64>,
+}
+
+/// A place as the camera sees it.
 struct Lit {
     pixel: [f64; 2],
     level: f64,
@@ -121,7 +103,8 @@ impl Renderer {
         let pitch_m = 2.0 * SHEETS_REACH * optics.spot_sigma_m / f64::from(2 * HALF_SHEETS);
         // Profiles half as wide as their distance at least, so that they add up to a smooth one.
         let sigma_px = optics.blur_px.hypot(0.5 * pitch_m * scale_px).max(0.3);
-        let half_width_m = instrument.stand_off_m * (0.5 * instrument.fan_rad).tan();
+        let half_fan_m = instrument.stand_off_m * (0.5 * instrument.fan_rad).tan();
+        let half_width_m = half_fan_m.min(0.5 * FIELD_MARGIN * instrument.field_width_m());
         let rays = (2.0 * half_width_m * scale_px * RAYS_PER_PIXEL).ceil();
         let [width, height] = instrument.pixels.map(u64::from);
         if !(rays > 0.0 && rays < MAX_RAYS && width * height <= MAX_PIXELS && optics.is_sound()) {
@@ -134,9 +117,9 @@ impl Renderer {
             offsets().map(|s| weight(s) * (-0.5 * (s * pitch_m * scale_px / sigma_px).powi(2)).exp()).sum();
         let sheet = |sheet: f64| {
             let ray = |i: u32| {
-                let across = 2.0 * f64::from(i) / rays - 1.0;
-                let x = sheet * pitch_m + optics.bow_m * (1.0 - across * across);
-                let direction = Vector3::new(0.0, across * half_width_m, instrument.stand_off_m);
+                let y = (2.0 * f64::from(i) / rays - 1.0) * half_width_m;
+                let x = sheet * pitch_m + optics.bow_at_m(y / instrument.stand_off_m, instrument);
+                let direction = Vector3::new(0.0, y, instrument.stand_off_m);
                 (Point3::new(x, 0.0, 0.0), direction.normalize())
             };
             Sheet {
@@ -144,79 +127,167 @@ impl Renderer {
                 rays: (0..=rays as u32).map(ray).collect(),
             }
         };
-        let sheets = offsets().map(sheet).collect();
-        Ok(Self { scene, instrument: instrument.clone(), optics: optics.clone(), sheets, sigma_px })
+        Ok(Self {
+            sheets: offsets().map(sheet).collect(),
+            middle: HALF_SHEETS as usize,
+            sigma_px,
+            whole_sigma_px: optics.blur_px.hypot(optics.spot_sigma_m * scale_px).max(0.3),
+            scene,
+            instrument: instrument.clone(),
+            optics: optics.clone(),
+        })
     }
 
-    /// One exposure of one camera, the scanner at `base_from_scanner`. Pixels count from the centre of the first; the
-    /// stripe runs along the rows. The same seed gives the same image.
+    /// One exposure of one camera's whole sensor, the scanner at `base_from_scanner`. Pixels count from the centre of the
+    /// first; the stripe runs along the rows. The same seed gives the same image.
     #[must_use]
     pub fn exposure(&self, base_from_scanner: &Isometry3<f64>, camera: Camera, seed: u64) -> GrayImage {
-        let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let [width, height] = self.instrument.pixels;
-        let mut light = Light { width, height, levels: vec![0.0; width as usize * height as usize] };
-        for sheet in &self.sheets {
-            let mut before = None;
-            for ray in &sheet.rays {
-                let lit = self.cast(base_from_scanner, ray, camera).map(|Lit { pixel, level }| {
-                    let speckle: f64 = StandardNormal.sample(&mut rng);
-                    let level = level * sheet.level * (1.0 + self.optics.speckle * speckle).max(0.0);
-                    Lit { pixel, level }
-                });
-                if let (Some(a), Some(b)) = (&before, &lit) {
-                    light.add(a, b, self.sigma_px);
-                }
-                before = lit;
-            }
-        }
-        light.expose(&self.optics, &mut rng)
+        let whole = Window { first_row_px: 0, rows_px: self.instrument.pixels[1] };
+        let mut cameras = [None, None];
+        cameras[camera as usize] = Some(whole);
+        let [left, right] = self.render(base_from_scanner, cameras, seed, 0);
+        left.or(right).unwrap_or_default()
     }
 
-    /// What a ray lights, when the camera sees it; its level is relative to a white surface that faces the laser.
+    /// Exposure number `frame` of both cameras, of which the given rows are read out. Each exposure has noise of its own
+    /// from the same seed.
+    #[must_use]
+    pub fn exposures(
+        &self,
+        base_from_scanner: &Isometry3<f64>,
+        windows: [Window; 2],
+        seed: u64,
+        frame: u32,
+    ) -> [GrayImage; 2] {
+        self.render(base_from_scanner, windows.map(Some), seed, frame).map(Option::unwrap_or_default)
+    }
+
+    fn render(
+        &self,
+        base_from_scanner: &Isometry3<f64>,
+        windows: [Option<Window>; 2],
+        seed: u64,
+        frame: u32,
+    ) -> [Option<GrayImage>; 2] {
+        let sheets: Vec<Vec<Option<Spot>>> = self
+            .sheets
+            .iter()
+            .map(|sheet| sheet.rays.iter().map(|ray| self.cast(base_from_scanner, ray)).collect())
+            .collect();
+        let scanner_from_base = base_from_scanner.inverse();
+        let bounce = |spot: &Option<Spot>| self.bounce(&scanner_from_base, spot.as_ref()?);
+        let again: Vec<Option<Spot>> = sheets[self.middle].iter().map(bounce).collect();
+        Camera::ALL.map(|camera| {
+            let window = windows[camera as usize]?;
+            let mut rng = ChaCha8Rng::seed_from_u64(seed);
+            rng.set_stream(2 * u64::from(frame) + camera as u64);
+            let center = base_from_scanner * self.instrument.camera_center(camera);
+            let mut light = Light::new(self.instrument.pixels[0], window);
+            let whole = (&again, self.optics.exposure, self.whole_sigma_px);
+            let thin = self.sheets.iter().zip(&sheets).map(|(sheet, s)| (s, sheet.level, self.sigma_px));
+            for (spots, level, sigma_px) in thin.chain([whole]) {
+                let mut before = None;
+                for spot in spots {
+                    let lit = spot.as_ref().and_then(|spot| self.see(spot, camera, &center)).map(|lit| {
+                        let speckle: f64 = StandardNormal.sample(&mut rng);
+                        let graininess = (1.0 + self.optics.speckle * speckle).max(0.0);
+                        Lit { level: lit.level * level * graininess, ..lit }
+                    });
+                    if let (Some(a), Some(b)) = (&before, &lit) {
+                        light.add(a, b, sigma_px);
+                    }
+                    before = lit;
+                }
+            }
+            Some(light.expose(&self.optics, &mut rng))
+        })
+    }
+
+    /// What a ray of the laser lights.
     fn cast(
         &self,
         base_from_scanner: &Isometry3<f64>,
         (origin, direction): &(Point3<f64>, Vector3<f64>),
-        camera: Camera,
-    ) -> Option<Lit> {
+    ) -> Option<Spot> {
         let (origin_in_base, direction_in_base) = (base_from_scanner * origin, base_from_scanner * direction);
         let hit = self.scene.hit(&origin_in_base, &direction_in_base)?;
-        let lit = origin_in_base + direction_in_base * hit.distance_m;
-        let center = base_from_scanner * self.instrument.camera_center(camera);
-        let to_camera = Unit::new_normalize(center - lit);
-        let facing = -hit.normal.dot(&direction_in_base);
-        if facing <= 0.0 || hit.normal.dot(&to_camera) <= 0.0 || !self.scene.is_clear(&center, &lit) {
+        let in_base = origin_in_base + direction_in_base * hit.distance_m;
+        let in_scanner = origin + direction * hit.distance_m;
+        // A fan's light thins out with the distance.
+        let light = self.instrument.stand_off_m / hit.distance_m;
+        self.spot(in_base, in_scanner, &direction_in_base, &hit, light)
+    }
+
+    /// What the mirrored light of a spot lights.
+    fn bounce(&self, scanner_from_base: &Isometry3<f64>, spot: &Spot) -> Option<Spot> {
+        if spot.mirrored <= 0.0 {
             return None;
         }
-        let image = self.instrument.project(camera, &(origin + direction * hit.distance_m))?;
-        let focal_px = self.instrument.focal_m / self.instrument.pixel_m;
-        let distorted = distort(image.map(|x| x / focal_px), &self.optics.distortion);
-        let pixel = [0, 1]
-            .map(|axis| focal_px * distorted[axis] + 0.5 * (f64::from(self.instrument.pixels[axis]) - 1.0));
-        // A diffuse surface spreads the laser's power over a larger spot when it leans.
-        let level = facing * (self.instrument.stand_off_m / hit.distance_m);
-        Some(Lit { pixel, level })
+        let origin = spot.in_base + spot.normal * CLEARANCE_M;
+        let hit = self.scene.hit(&origin, &spot.mirror)?;
+        let in_base = origin + spot.mirror * hit.distance_m;
+        let way_m = spot.in_scanner.coords.norm();
+        let light = spot.mirrored * way_m / (way_m + hit.distance_m);
+        self.spot(in_base, scanner_from_base * in_base, &spot.mirror, &hit, light)
+    }
+
+    /// A surface under light from `direction`, as strong as `light` on a surface that faces it.
+    fn spot(
+        &self,
+        in_base: Point3<f64>,
+        in_scanner: Point3<f64>,
+        direction: &Vector3<f64>,
+        hit: &Hit,
+        light: f64,
+    ) -> Option<Spot> {
+        let facing = -hit.normal.dot(direction);
+        if facing <= 0.0 {
+            return None;
+        }
+        let finish: &Finish = match hit.body {
+            Body::Object => &self.optics.object,
+            Body::Table => &self.optics.table,
+        };
+        Some(Spot {
+            in_base,
+            in_scanner,
+            normal: hit.normal,
+            // A diffuse surface spreads the laser's power over a larger spot when it leans.
+            scattered: light * facing * finish.albedo_at(&in_base),
+            mirrored: light * finish.gloss,
+            mirror: direction + hit.normal * (2.0 * facing),
+        })
+    }
+
+    /// A spot in a camera's image, unless something stands between.
+    fn see(&self, spot: &Spot, camera: Camera, center: &Point3<f64>) -> Option<Lit> {
+        let to_camera = Unit::new_normalize(center - spot.in_base);
+        if spot.normal.dot(&to_camera) <= 0.0 {
+            return None;
+        }
+        let pixel = self.optics.pixel(&self.instrument, camera, &spot.in_scanner)?;
+        if !self.scene.is_clear(center, &spot.in_base) {
+            return None;
+        }
+        let toward = if spot.mirrored > 0.0 { spot.mirror.dot(&to_camera).max(0.0) } else { 0.0 };
+        let highlight =
+            spot.mirrored * 0.5 * f64::from(HIGHLIGHT_EXPONENT + 2) * toward.powi(HIGHLIGHT_EXPONENT);
+        Some(Lit { pixel, level: spot.scattered + highlight })
     }
 }
 
-/// Brown's distortion.
-fn distort([a, b]: [f64; 2], &[k1, k2, p1, p2]: &[f64; 4]) -> [f64; 2] {
-    let r2 = a * a + b * b;
-    let radial = 1.0 + r2 * (k1 + r2 * k2);
-    [
-        a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a),
-        b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b,
-    ]
-}
-
-/// Light that falls on the sensor, in grey levels, row by row.
+/// Light that falls on the rows of a sensor that are read, in grey levels, row by row.
 struct Light {
     width: u32,
-    height: u32,
+    window: Window,
     levels: Vec<f64>,
 }
 
 impl Light {
+    fn new(width: u32, window: Window) -> Self {
+        Self { width, window, levels: vec![0.0; width as usize * window.rows_px as usize] }
+    }
+
     /// Adds the piece of a thin sheet between two neighbouring places.
     fn add(&mut self, a: &Lit, b: &Lit, sigma_px: f64) {
         let gap = (b.pixel[0] - a.pixel[0]).hypot(b.pixel[1] - a.pixel[1]);
@@ -224,20 +295,21 @@ impl Light {
             return;
         }
         let (left, right) = if a.pixel[0] <= b.pixel[0] { (a, b) } else { (b, a) };
+        let length = right.pixel[0] - left.pixel[0];
         let first = left.pixel[0].ceil().max(0.0) as u32;
         for u in first..self.width {
             let along = f64::from(u) - left.pixel[0];
-            let length = right.pixel[0] - left.pixel[0];
             // A column at the seam belongs to the next piece.
             if along >= length {
                 break;
             }
             let share = along / length;
-            let v = left.pixel[1] + share * (right.pixel[1] - left.pixel[1]);
+            let v = left.pixel[1] + share * (right.pixel[1] - left.pixel[1])
+                - f64::from(self.window.first_row_px);
             let level = left.level + share * (right.level - left.level);
             let reach = REACH * sigma_px;
             let from = (v - reach).ceil().max(0.0) as u32;
-            for row in from..self.height {
+            for row in from..self.window.rows_px {
                 let x = (f64::from(row) - v) / sigma_px;
                 if x > REACH {
                     break;
@@ -256,7 +328,7 @@ impl Light {
             let noise: f64 = StandardNormal.sample(rng);
             (level + noise * (optics.read_noise.powi(2) + shot).sqrt()).round().clamp(0.0, 255.0) as u8
         });
-        GrayImage::from_fn(self.width, self.height, |_, _| Luma([pixels.next().unwrap_or_default()]))
+        GrayImage::from_fn(self.width, self.window.rows_px, |_, _| Luma([pixels.next().unwrap_or_default()]))
     }
 }
 

@@ -44,6 +44,10 @@ pub struct SweepSettings {
     pub margin_m: f64,
     /// Number of inclined views, evenly around the target. The paper sweeps once, straight down: 0.
     pub inclined: u32,
+    /// After the views above, at most so many more, each chosen for what is still unseen ([`super::next_sweep::chain`]).
+    pub next_best: u32,
+    /// Width along the stripe that a pass covers; by default that of the cameras' field at the stand-off.
+    pub field_width_m: Option<f64>,
     /// Angles between an inclined view and the vertical, in the order in which they are tried.
     pub tilts_rad: Vec<f64>,
 }
@@ -56,6 +60,14 @@ impl SweepSettings {
     }
 }
 
+impl SweepSettings {
+    /// One sweep straight down, and up to eight that look at what is still unseen.
+    #[must_use]
+    pub fn next_best() -> Self {
+        Self { next_best: 8, ..Self::paper() }
+    }
+}
+
 impl Default for SweepSettings {
     fn default() -> Self {
         Self {
@@ -63,6 +75,8 @@ impl Default for SweepSettings {
             pitch_m: 0.001,
             margin_m: 0.005,
             inclined: 4,
+            next_best: 0,
+            field_width_m: None,
             tilts_rad: [45.0, 35.0, 25.0].map(f64::to_radians).to_vec(),
         }
     }
@@ -79,16 +93,16 @@ pub struct SweepPlan {
 
 /// Plans passes over the sphere of `radius_m` about `center` (base frame): one view straight down, then the inclined ones.
 ///
-/// `reachable` says whether the arm can hold the scanner at a pose (`base_from_scanner`). The instrument may be rolled
+/// `reachable` says whether the arm can carry the scanner along a pass. The instrument may be rolled
 /// about its axis in quarter turns, and an inclined view may take a smaller tilt; a view of which every variant has
-/// an unreachable exposure is dropped. A target wider than the cameras' field takes several parallel passes.
+/// an unreachable pass is dropped. A target wider than the scanner's field takes several parallel passes.
 #[must_use]
 pub fn plan_sweeps(
     center: &Point3<f64>,
     radius_m: f64,
     instrument: &Instrument,
     settings: &SweepSettings,
-    reachable: &dyn Fn(&Isometry3<f64>) -> bool,
+    reachable: &dyn Fn(&[StripePose]) -> bool,
 ) -> SweepPlan {
     let mut plan = SweepPlan { sweeps: Vec::new(), dropped: Vec::new() };
     let mut add = |name: &str, azimuth_rad: f64, tilts_rad: &[f64]| {
@@ -96,8 +110,7 @@ pub fn plan_sweeps(
             for roll in [0.0, PI, FRAC_PI_2, -FRAC_PI_2] {
                 let view = View { center, azimuth_rad, tilt_rad: tilt, roll_rad: roll };
                 let passes = view.passes(radius_m, instrument, settings);
-                let poses = passes.iter().flatten();
-                if poses.clone().all(|stripe| reachable(&stripe.base_from_scanner)) {
+                if passes.iter().all(|pass| reachable(pass)) {
                     let name = if tilt == 0.0 {
                         name.to_owned()
                     } else {
@@ -127,6 +140,17 @@ pub fn target_sphere(mesh: &Mesh) -> (Point3<f64>, f64) {
     (center, mesh.vertices().iter().map(|p| (p - center).norm()).fold(0.0, f64::max))
 }
 
+/// The scanner's axes when it looks at the target from an azimuth (about z from x) and a tilt (from the vertical), rolled
+/// about its own z.
+pub(super) fn looking(azimuth_rad: f64, tilt_rad: f64, roll_rad: f64) -> UnitQuaternion<f64> {
+    let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), azimuth_rad)
+        * Rotation3::from_axis_angle(&Vector3::y_axis(), tilt_rad);
+    // z looks down, x (the motion) runs across the azimuth, so that an inclined stripe runs up the object.
+    let looking_down = Rotation3::from_basis_unchecked(&[Vector3::y(), Vector3::x(), -Vector3::z()]);
+    let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), roll_rad);
+    UnitQuaternion::from_rotation_matrix(&(turn * looking_down * roll))
+}
+
 struct View<'a> {
     center: &'a Point3<f64>,
     /// Where the scanner stands, seen from the target, about z from x.
@@ -142,15 +166,12 @@ impl View<'_> {
         instrument: &Instrument,
         settings: &SweepSettings,
     ) -> Vec<Vec<StripePose>> {
-        let turn = Rotation3::from_axis_angle(&Vector3::z_axis(), self.azimuth_rad)
-            * Rotation3::from_axis_angle(&Vector3::y_axis(), self.tilt_rad);
-        // z looks down, x (the motion) runs across the azimuth, so that an inclined stripe runs up the object.
-        let looking_down = Rotation3::from_basis_unchecked(&[Vector3::y(), Vector3::x(), -Vector3::z()]);
-        let roll = Rotation3::from_axis_angle(&Vector3::z_axis(), self.roll_rad);
-        let rotation = UnitQuaternion::from_rotation_matrix(&(turn * looking_down * roll));
+        let rotation = looking(self.azimuth_rad, self.tilt_rad, self.roll_rad);
         let half_length = radius_m + settings.margin_m;
         let count = (2.0 * half_length / settings.pitch_m).ceil().clamp(1.0, 1e5) as u32;
-        let passes = (2.0 * radius_m / instrument.field_width_m()).ceil().clamp(1.0, 16.0) as u32;
+        let passes = (2.0 * radius_m / settings.field_width_m.unwrap_or(instrument.field_width_m()))
+            .ceil()
+            .clamp(1.0, 16.0) as u32;
         let pass_width = 2.0 * radius_m / f64::from(passes);
         let pass = |pass: u32| {
             let y = (f64::from(pass) - 0.5 * f64::from(passes - 1)) * pass_width;
@@ -174,7 +195,7 @@ mod tests {
 
     const CENTER: Point3<f64> = Point3::new(0.42, 0.0, 0.03);
 
-    fn plan(radius_m: f64, reachable: &dyn Fn(&Isometry3<f64>) -> bool) -> SweepPlan {
+    fn plan(radius_m: f64, reachable: &dyn Fn(&[StripePose]) -> bool) -> SweepPlan {
         plan_sweeps(&CENTER, radius_m, &Instrument::default(), &SweepSettings::default(), reachable)
     }
 
@@ -199,7 +220,10 @@ mod tests {
 
     #[test]
     fn unreachable_views_are_lowered_or_named() {
-        let lowered = plan(0.05, &|pose| pose.translation.vector.x < 0.42 + 0.2 * 30_f64.to_radians().sin());
+        let lowered = plan(0.05, &|pass| {
+            let x = |stripe: &StripePose| stripe.base_from_scanner.translation.vector.x;
+            pass.iter().all(|stripe| x(stripe) < 0.42 + 0.2 * 30_f64.to_radians().sin())
+        });
         assert_eq!(lowered.sweeps[1].name, "from 0 deg, tilted 25 deg");
         assert_eq!(lowered.sweeps[3].name, "from 180 deg, tilted 45 deg");
         let none = plan(0.05, &|_| false);

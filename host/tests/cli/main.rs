@@ -7,6 +7,7 @@ mod fixture;
 mod hand_bus;
 mod metric;
 mod path;
+mod recording;
 mod streams;
 mod tables;
 mod wrong_calls;

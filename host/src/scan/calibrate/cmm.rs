@@ -63,7 +63,7 @@ impl BenchCamera {
     }
 
     /// One of the instrument's cameras, behind the same lens as [`BenchCamera::default`], which is also that of the
-    /// rendered images ([`crate::scan::render::Optics::default`]).
+    /// rendered images ([`crate::scan::optics::Optics::default`]).
     #[must_use]
     pub fn of(instrument: &Instrument, camera: Camera) -> Self {
         let center = instrument.camera_center(camera);

@@ -3,6 +3,7 @@ use nalgebra::{Rotation3, Translation3, UnitQuaternion};
 use super::*;
 use crate::object::solids::cuboid;
 use crate::scan::calibrate::{Bench, BenchCamera, CalibrateSettings, Calibration, Evaluation, calibrate};
+use crate::scan::optics::AlbedoEdge;
 use crate::scan::stripe::{Across, LineOutcome, StripeExtractor};
 
 /// A box, corners given.
@@ -108,4 +109,87 @@ fn optics_without_sense_are_refused() {
     );
     let blind = Instrument { fan_rad: 0.0, ..instrument.clone() };
     assert_eq!(new(&blind, &Optics::default()), Some(ScanError::Instrument));
+}
+
+/// No noise of any kind.
+fn quiet() -> Optics {
+    Optics { speckle: 0.0, electrons_per_level: 0.0, read_noise: 0.0, ..Default::default() }
+}
+
+/// Brightest pixel of an image.
+fn brightest(image: &GrayImage) -> u8 {
+    image.as_raw().iter().copied().max().unwrap()
+}
+
+#[test]
+fn a_change_of_colour_changes_the_light_there() {
+    let plate = block([-0.1, -0.1, -0.002], [0.1, 0.1, 0.0]);
+    // Dark at negative y of the base: y of the scanner runs the other way.
+    let plane = Plane { normal: -Vector3::y_axis(), offset_m: 0.0 };
+    let object = Finish { edges: vec![AlbedoEdge { plane, ratio: 0.25 }], ..Finish::default() };
+    let optics = Optics { object, exposure: 160.0, ..quiet() };
+    let renderer = Renderer::new(&plate, None, &Instrument::default(), &optics).unwrap();
+    let image = renderer.exposure(&above(), Camera::Left, 1);
+    let column = |u: u32| (0..image.height()).map(|v| image.get_pixel(u, v).0[0]).max().unwrap();
+    let (light, dark) = (f64::from(column(250)) - optics.ambient, f64::from(column(518)) - optics.ambient);
+    assert!((dark / light - 0.25).abs() < 0.02, "{dark} {light}");
+    assert_eq!(image.get_pixel(10, 10).0[0], optics.ambient as u8);
+}
+
+#[test]
+fn gloss_lights_what_the_mirrored_sheet_meets() {
+    // A wedge whose slope of 45 degrees turns the laser aside, onto a wall.
+    let (a, w) = (0.012, 0.05);
+    let prism = [[-a, -w, 0.0], [a, -w, 0.0], [-a, -w, 2.0 * a], [-a, w, 0.0], [a, w, 0.0], [-a, w, 2.0 * a]];
+    let mut vertices = prism.map(Point3::from).to_vec();
+    let mut faces =
+        vec![[1, 4, 5], [1, 5, 2], [0, 1, 2], [3, 5, 4], [0, 3, 4], [0, 4, 1], [0, 2, 5], [0, 5, 3]];
+    let wall = block([0.03, -0.05, 0.0], [0.04, 0.05, 0.05]);
+    faces.extend(wall.faces().iter().map(|face| face.map(|corner| corner + 6)));
+    vertices.extend(wall.vertices());
+    let scene = Mesh::new(vertices, faces).unwrap();
+    let with = |gloss: f64| {
+        let optics = Optics { object: Finish { gloss, ..Finish::default() }, ..quiet() };
+        renderer(&scene, &optics).exposure(&above(), Camera::Left, 1)
+    };
+    // The slope is met at its middle, as high as it is far, and the wall at the same height.
+    let false_spot = above().inverse() * Point3::new(0.03, 0.0, a);
+    let pixel = Optics::default().pixel(&Instrument::default(), Camera::Left, &false_spot).unwrap();
+    let [u, v] = pixel.map(|x| x.round() as u32);
+    let (matt, glossy) = (with(0.0), with(0.5));
+    assert_eq!(matt.get_pixel(u, v).0[0], 5);
+    let level = f64::from(glossy.get_pixel(u, v).0[0]) - 5.0;
+    // Half of the light, which the wall faces, thinned out by the longer way.
+    let expected = 0.5 * 200.0 * 0.2 / (0.2 - a + 0.03);
+    assert!((level - expected).abs() < 0.1 * expected, "{level} instead of {expected}");
+    // The extractor sees two stripes there, and does not choose.
+    let outcome = StripeExtractor::default().image(&glossy, Across::Columns)[u as usize];
+    assert!(outcome.center().is_none(), "{outcome:?}");
+}
+
+#[test]
+fn a_glaze_that_mirrors_the_laser_into_a_camera_dazzles_that_one() {
+    let far = block([0.5, 0.5, 0.0], [0.51, 0.51, 0.01]);
+    // Half way between the laser's direction and the left camera's.
+    let normal = Unit::new_normalize(Vector3::new(-0.06, 0.0, 0.2).normalize() + Vector3::z());
+    let optics = Optics { table: Finish::glazed(), exposure: 120.0, ..quiet() };
+    let table = Plane { normal, offset_m: 0.0 };
+    let renderer = Renderer::new(&far, Some(table), &Instrument::default(), &optics).unwrap();
+    let [left, right] = Camera::ALL.map(|camera| brightest(&renderer.exposure(&above(), camera, 1)));
+    assert_eq!(left, 255);
+    assert!((100..=126).contains(&right), "{right}");
+}
+
+#[test]
+fn a_window_is_the_rows_of_the_whole_image() {
+    let object = block([-0.02, -0.02, -0.001], [0.02, 0.02, 0.010]);
+    let renderer = renderer(&object, &quiet());
+    let windows = [Window { first_row_px: 200, rows_px: 150 }, Window { first_row_px: 250, rows_px: 120 }];
+    for (camera, part) in Camera::ALL.into_iter().zip(renderer.exposures(&above(), windows, 1, 0)) {
+        let whole = renderer.exposure(&above(), camera, 1);
+        let Window { first_row_px, rows_px } = windows[camera as usize];
+        let rows = image::imageops::crop_imm(&whole, 0, first_row_px, 768, rows_px).to_image();
+        assert_eq!(part, rows);
+        assert!(brightest(&part) > 150);
+    }
 }
