@@ -432,8 +432,7 @@ fn fold(hand: &Hand, finger: usize, onto: &mut Posture) {
 }
 
 /// The grasp with every touching tip drawn back from its contact along the normal, or along its path where it has too few
-/// joints for that; `None` when a finger's limits do not
-/// let it.
+/// joints for that; `None` when a finger's limits do not let it.
 fn stand_off(
     scene: &Scene,
     site: &Site,

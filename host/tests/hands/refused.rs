@@ -139,7 +139,15 @@ const ROWS: [(&str, &str, &str); 30] = [
 ];
 
 /// Overrides, and the line that follows.
-const TOML_ROWS: [(&str, &str); 16] = [
+const TOML_ROWS: [(&str, &str); 18] = [
+    (
+        "[[finger]]\ntip = \"left\"\nname = \"jaw\"\n[[finger]]\ntip = \"right\"\nname = \"jaw\"",
+        "finger[1].name: a second finger is named 'jaw'",
+    ),
+    (
+        "[[finger]]\ntip = \"left\"\nname = \"palm\"\n[[finger]]\ntip = \"right\"",
+        "finger[0].name: 'palm' is no name for a finger",
+    ),
     ("name = ", "line 1: string values must be quoted, expected literal string"),
     (
         "nmae = \"x\"",
@@ -235,7 +243,10 @@ fn too_many_joints_and_fingers_are_counted() {
         refused(&grown(9, 1)),
         "9 fingers, at most 8: name the ones to use with [[finger]] in the TOML"
     );
-    assert_eq!(refused(&grown(7, 5)), "33 independent joints, at most 32");
+    assert_eq!(
+        refused(&grown(7, 5)),
+        "more than 32 independent joints: name fewer fingers with [[finger]] in the TOML"
+    );
     assert_eq!(refused(&grown(2, 9)), "finger l0_8 has 9 joint(s), not 1 to 8");
     assert_eq!(
         refused(&grown(1, 3)),
@@ -252,7 +263,7 @@ fn too_many_joints_and_fingers_are_counted() {
         grown(2, 2).replace("<collision><geometry><sphere radius=\"0.01\"/></geometry></collision>", "");
     assert_eq!(
         refused(&bare),
-        "finger l0_1: its last link 'l0_1' has neither a collision nor a visual shape, so there is no fingertip"
+        "finger l0: its last link 'l0_1' has neither a collision nor a visual shape, so there is no fingertip"
     );
 }
 

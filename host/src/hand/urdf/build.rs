@@ -37,7 +37,7 @@ pub(super) fn hand(text: &str, files: &Files, overrides: &Overrides) -> Result<L
     let link_from_body = pose_in_body(&tree, palm_body, palm_link).inverse();
 
     let mut joints = Joints::default();
-    let names = finger_names(&description, &tree, &leaves, overrides);
+    let names = finger_names(&description, &tree, &leaves, overrides)?;
     let mut fingers: Vec<Finger> = Vec::new();
     for (&leaf, name) in leaves.iter().zip(names) {
         let parts = (&mut joints, files, overrides);
@@ -181,12 +181,24 @@ fn finger_names(
     tree: &Tree,
     leaves: &[usize],
     overrides: &Overrides,
-) -> Vec<String> {
+) -> Result<Vec<String>, Problem> {
     let last_links: Vec<String> =
         leaves.iter().map(|&leaf| description.links[tree.bodies[leaf].links[0].0].name.clone()).collect();
     let found = chains::names(&last_links);
     let given = |i: usize| overrides.finger.get(i).and_then(|finger| finger.name.clone());
-    found.into_iter().enumerate().map(|(i, name)| given(i).unwrap_or(name)).collect()
+    let names: Vec<String> =
+        found.into_iter().enumerate().map(|(i, name)| given(i).unwrap_or(name)).collect();
+    for (i, name) in names.iter().enumerate() {
+        let refused = |text: String| Err(Problem::Value { key: format!("finger[{i}].name"), text });
+        // Contacts of the palm are named so in plans.
+        if name.trim().is_empty() || name == "palm" {
+            return refused(format!("'{name}' is no name for a finger"));
+        }
+        if names[..i].contains(name) {
+            return refused(format!("a second finger is named '{name}'"));
+        }
+    }
+    Ok(names)
 }
 
 /// Pose of the palm frame in the palm's link: as the overrides say, else turned by quarter turns about its origin.

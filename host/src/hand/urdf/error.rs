@@ -195,11 +195,8 @@ pub enum Problem {
         count: usize,
     },
     /// Too many joints.
-    #[error("{count} independent joints, at most {MAX_JOINTS}")]
-    TooManyJoints {
-        /// How many.
-        count: usize,
-    },
+    #[error("more than {MAX_JOINTS} independent joints: name fewer fingers with [[finger]] in the TOML")]
+    TooManyJoints,
     /// A finger ends in a link without a shape.
     #[error(
         "finger {finger}: its last link '{link}' has neither a collision nor a visual shape, so there is no fingertip"

@@ -11,6 +11,13 @@ const SPEED_RAD_PER_S: f64 = 3.14;
 /// Torque of a joint whose description has none, N m: that of a finger's drive of 10 N at the tip.
 const TORQUE_NM: f64 = 1.0;
 
+/// The same of a sliding joint, N and m/s: those of a parallel gripper.
+const FORCE_N: f64 = 20.0;
+const SPEED_M_PER_S: f64 = 0.1;
+
+/// Lever on which a turning drive is compared with a sliding one, metres.
+const LEVER_M: f64 = 0.05;
+
 /// How far a target lies behind a contact that takes the whole torque, rad: gives stiffness from torque. The built-in
 /// hand's drives give 1.3 N m at 0.22 rad.
 const SQUEEZE_RAD: f64 = 0.2;
@@ -111,16 +118,18 @@ impl Joints {
                 otherwise
             }
         };
-        let torque_max_nm = given(joint.effort, TORQUE_NM, "effort");
-        let speed_max_rad_per_s = given(joint.velocity, SPEED_RAD_PER_S, "velocity");
+        let slides = joint.kind == Kind::Prismatic;
+        let [torque, speed] = if slides { [FORCE_N, SPEED_M_PER_S] } else { [TORQUE_NM, SPEED_RAD_PER_S] };
+        let torque_max_nm = given(joint.effort, torque, "effort");
+        let speed_max_rad_per_s = given(joint.velocity, speed, "velocity");
         let [least, most] = STIFFNESS_RANGE_NM_PER_RAD;
-        // A sliding joint's figures are newtons and metres: the same drive on a lever of 5 cm.
-        let stiffness_nm_per_rad = match joint.kind {
-            Kind::Prismatic => (torque_max_nm / (SQUEEZE_RAD * 0.05)).clamp(least * 400.0, most * 400.0),
-            _ => (torque_max_nm / SQUEEZE_RAD).clamp(least, most),
-        };
+        // A sliding joint's figures are newtons and metres: the same drive on a lever.
+        let torque_nm = if slides { torque_max_nm * LEVER_M } else { torque_max_nm };
+        let stiffness =
+            overrides.stiffness_nm_per_rad.unwrap_or((torque_nm / SQUEEZE_RAD).clamp(least, most));
+        let stiffness_nm_per_rad = if slides { stiffness / (LEVER_M * LEVER_M) } else { stiffness };
         if self.joints.len() == MAX_JOINTS {
-            return Err(Problem::TooManyJoints { count: MAX_JOINTS + 1 });
+            return Err(Problem::TooManyJoints);
         }
         self.elements.push(element);
         self.joints.push(Joint {
@@ -129,7 +138,7 @@ impl Joints {
             upper_rad,
             speed_max_rad_per_s,
             torque_max_nm,
-            stiffness_nm_per_rad: overrides.stiffness_nm_per_rad.unwrap_or(stiffness_nm_per_rad),
+            stiffness_nm_per_rad,
             flexes: None,
             is_held: false,
         });

@@ -15,6 +15,7 @@ use super::opposition::{lateral, root, settings, shared};
 use crate::hand::{Candidate, ContactKind, Finger, Joint, Posture};
 use patterns::{Pattern, pairs, patterns};
 use search::Search;
+
 /// Most candidates, the power grasp not counted.
 const MAX_CANDIDATES: usize = 15;
 
