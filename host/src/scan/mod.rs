@@ -15,8 +15,6 @@ pub mod rig;
 pub mod stripe;
 pub mod sweep;
 pub mod unseen;
-#[cfg(all(feature = "v4l2", target_os = "linux"))]
-pub mod video;
 pub mod virtual_capture;
 pub mod virtual_scan;
 
