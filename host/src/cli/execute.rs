@@ -138,7 +138,6 @@ pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
 fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     let planned = &document.object;
     let friction = args.friction.unwrap_or(planned.friction);
-    ensure!(friction >= 0.0, "{}: friction {friction} is no coefficient", args.plan.display());
     let mut object = match &args.object {
         Some(name) => input::object(name, args.unit, args.mass, friction)?,
         None => {

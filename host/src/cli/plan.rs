@@ -16,6 +16,7 @@ use super::{Outcome, reconstruct as reconstruct_command, write_json};
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::{Arm, Joints, LimitCheck};
+use crate::plan::document::PlanDocument;
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
 use crate::plan::seen::SeenSurface;
@@ -29,10 +30,17 @@ use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
 pub struct PlanArgs {
     /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .txt .csv, reconstructed first), or the name of a
     /// built-in object
-    #[arg(value_name = "INPUT")]
+    #[arg(value_name = "INPUT", required = true, default_value = "-", hide_default_value = true)]
     pub input: String,
     /// Plan to write, or - for standard output
-    #[arg(short, long, value_name = "PLAN.json")]
+    #[arg(
+        short,
+        long,
+        value_name = "PLAN.json",
+        required = true,
+        default_value = "-",
+        hide_default_value = true
+    )]
     pub output: PathBuf,
     /// Search: the paper's of 2005, or the wider one
     #[arg(long, value_enum, default_value_t)]
@@ -84,6 +92,10 @@ pub struct PlanArgs {
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
+    // Exclusive arguments need no others, whose defaults are never looked at.
+    /// Print the JSON schema of PLAN.json and do nothing else
+    #[arg(long, exclusive = true)]
+    pub schema: bool,
 }
 
 /// Which search to run, `--strategy`.
@@ -197,6 +209,10 @@ fn table(text: &str) -> Result<TableChoice, String> {
 
 /// Runs the command.
 pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if args.schema {
+        write_json(out, &PlanDocument::schema())?;
+        return Ok(Outcome::Done);
+    }
     let to_stdout = args.output.as_os_str() == "-";
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let start = Instant::now();

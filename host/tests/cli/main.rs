@@ -6,6 +6,7 @@ mod export;
 mod fixture;
 mod metric;
 mod path;
+mod schema;
 mod streams;
 mod tables;
 mod wrong_calls;
