@@ -13,6 +13,7 @@ use super::input::{self, TABLE_HEIGHT_M};
 use super::planning::{Planned, Planner};
 use super::progress::{bar, spinner};
 use super::{Outcome, reconstruct as reconstruct_command, write_json};
+use crate::hand::Hand;
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::{Arm, Joints, LimitCheck};
@@ -54,12 +55,16 @@ pub struct PlanArgs {
     /// Coulomb friction coefficient between fingertips and object
     #[arg(long, default_value_t = 0.4, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub friction: f64,
-    /// Mass of the object in kg; by default that of the built-in object, or 0.1
+    /// Mass of the object in kg; by default that of the built-in object, or 0.1 or what it
+    /// would weigh in steel if that is less
     #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
     /// Hand to plan for
     #[arg(long, value_enum, default_value_t)]
     pub hand: HandChoice,
+    /// Try only these typical grasps of the hand, names with commas between them; by default all
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    pub candidates: Vec<String>,
     /// Arm that carries it: rx60 (Stäubli), a file that describes another (docs/arms.md), or none to plan for the hand
     /// alone
     #[arg(long, value_name = "rx60|FILE.toml|none", default_value = "rx60", value_parser = arm_choice)]
@@ -224,6 +229,7 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let start_rad = checked_start(args.start, arm.as_ref())?;
     let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, arm)
         .with_context(|| format!("planning on {}", args.input))?;
+    restrict(&mut scene.hand, &args.candidates)?;
     scene.friction = args.friction;
     scene.seen = seen;
     let settings = SearchSettings {
@@ -257,6 +263,18 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         }
     }
     Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
+}
+
+/// Leaves the hand those of its candidates that are named; none named leaves all.
+fn restrict(hand: &mut Hand, names: &[String]) -> anyhow::Result<()> {
+    if let Some(unknown) = names.iter().find(|name| hand.candidates.iter().all(|c| c.name != **name)) {
+        let known: Vec<&str> = hand.candidates.iter().map(|candidate| candidate.name.as_str()).collect();
+        anyhow::bail!("--candidates: there is no '{unknown}'; the hand has {}", known.join(", "));
+    }
+    if !names.is_empty() {
+        hand.candidates.retain(|candidate| names.contains(&candidate.name));
+    }
+    Ok(())
 }
 
 /// The joint angles that were given in degrees, inside the arm's limits.
@@ -326,7 +344,7 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
             result.mesh
         }
     };
-    let mass_kg = args.mass.unwrap_or(input::ASSUMED_MASS_KG);
+    let mass_kg = args.mass.unwrap_or_else(|| input::assumed_mass_kg(&mesh));
     Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal, seen })
 }
 
