@@ -4,9 +4,12 @@
 mod experiment;
 mod export;
 mod fixture;
+mod lifts;
+mod meshes;
 mod metric;
 mod path;
 mod schema;
+mod solids;
 mod streams;
 mod tables;
 mod wrong_calls;
