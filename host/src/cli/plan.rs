@@ -55,8 +55,8 @@ pub struct PlanArgs {
     /// Coulomb friction coefficient between fingertips and object
     #[arg(long, default_value_t = 0.4, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub friction: f64,
-    /// Mass of the object in kg; by default that of the built-in object, or 0.1 or what it
-    /// would weigh in steel if that is less
+    /// Mass of the object in kg; by default that of the built-in object, or 0.1 or what it would
+    /// weigh in steel if that is less
     #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
     /// Hand to plan for
