@@ -139,7 +139,6 @@ pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
 fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     let planned = &document.object;
     let friction = args.friction.unwrap_or(planned.friction);
-    ensure!(friction >= 0.0, "{}: friction {friction} is no coefficient", args.plan.display());
     let mut object = match &args.object {
         Some(name) => input::object(name, args.unit, args.mass, friction)?,
         None => {
@@ -217,6 +216,14 @@ fn angles(posture: &Posture, name: &'static str) -> anyhow::Result<HandAngles<f6
     Ok(angles)
 }
 
+/// The thumb's law in the squeeze. With its tip it presses as a spring; where inner links press too, as in power grasps,
+/// the targets are those of joints (see [`joint_squeeze_targets`](crate::exec::joint_squeeze_targets)).
+fn thumb_law(grasp: &GraspInfo) -> ThumbLaw {
+    let is_at_end = |link: &str| link.ends_with("_distal_link");
+    let wraps = grasp.contacts.iter().any(|contact| !is_at_end(&contact.link));
+    if wraps { ThumbLaw::Position } else { ThumbLaw::Impedance }
+}
+
 /// Executes one grasp on the simulated hand.
 pub(super) fn on_twin(
     document: &PlanDocument,
@@ -231,7 +238,7 @@ pub(super) fn on_twin(
         grasp: angles(&grasp.grasp, "grasp")?,
         squeeze: angles(&grasp.squeeze, "squeeze")?,
         friction: document.object.friction,
-        thumb: ThumbLaw::Impedance,
+        thumb: thumb_law(grasp),
     };
     let way_m = (plan.grasp_site.translation.vector - plan.approach_site.translation.vector).norm();
     ensure!(way_m <= WAY_M, "approach_site is {way_m} m from grasp_site");

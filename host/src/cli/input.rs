@@ -18,8 +18,11 @@ pub(super) const TABLE_HEIGHT_M: f64 = 0.0;
 /// every yaw (0.35 to 0.50 m).
 pub(super) const SPOT_M: [f64; 2] = [0.40, 0.0];
 
-/// Mass that is assumed for an object of unknown mass, kg.
-pub(super) const ASSUMED_MASS_KG: f64 = 0.1;
+/// Mass that is assumed for an object of unknown mass, kg, unless that is more than it would weigh in steel.
+const ASSUMED_MASS_KG: f64 = 0.1;
+
+/// Density of steel, kg/m^3.
+const STEEL_KG_PER_M3: f64 = 7850.0;
 
 /// Reads `--unit`.
 pub(super) fn unit(text: &str) -> Result<Unit, String> {
@@ -92,7 +95,14 @@ pub(super) fn object(name: &str, unit: Unit, mass_kg: Option<f64>, friction: f64
     }
     let loaded = read_mesh(path, unit)?;
     warn(name, &loaded.warnings);
-    Ok(Object::new(name, loaded.value, mass_kg.unwrap_or(ASSUMED_MASS_KG), friction))
+    let mass_kg = mass_kg.unwrap_or_else(|| assumed_mass_kg(&loaded.value));
+    Ok(Object::new(name, loaded.value, mass_kg, friction))
+}
+
+/// The mass of an object when nobody gives it.
+pub(super) fn assumed_mass_kg(mesh: &Mesh) -> f64 {
+    let in_steel_kg = mesh.bulk().volume_m3 * STEEL_KG_PER_M3;
+    if in_steel_kg > 0.0 { ASSUMED_MASS_KG.min(in_steel_kg) } else { ASSUMED_MASS_KG }
 }
 
 /// Prints warnings about a file to stderr, a line each.

@@ -14,9 +14,11 @@ use super::input::{self, TABLE_HEIGHT_M};
 use super::planning::{Planned, Planner};
 use super::progress::{bar, spinner};
 use super::{Outcome, reconstruct as reconstruct_command, write_json};
+use crate::hand::Hand;
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::{Arm, Joints, LimitCheck};
+use crate::plan::document::PlanDocument;
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
 use crate::plan::seen::SeenSurface;
@@ -30,10 +32,17 @@ use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
 pub struct PlanArgs {
     /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .txt .csv, reconstructed first), or the name of a
     /// built-in object
-    #[arg(value_name = "INPUT")]
+    #[arg(value_name = "INPUT", required = true, default_value = "-", hide_default_value = true)]
     pub input: String,
     /// Plan to write, or - for standard output
-    #[arg(short, long, value_name = "PLAN.json")]
+    #[arg(
+        short,
+        long,
+        value_name = "PLAN.json",
+        required = true,
+        default_value = "-",
+        hide_default_value = true
+    )]
     pub output: PathBuf,
     /// Search: the paper's of 2005, or the wider one
     #[arg(long, value_enum, default_value_t)]
@@ -47,12 +56,16 @@ pub struct PlanArgs {
     /// Coulomb friction coefficient between fingertips and object
     #[arg(long, default_value_t = 0.4, value_parser = input::not_negative, allow_negative_numbers = true)]
     pub friction: f64,
-    /// Mass of the object in kg; by default that of the built-in object, or 0.1
+    /// Mass of the object in kg; by default that of the built-in object, or 0.1 or what it would
+    /// weigh in steel if that is less
     #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
     /// The hand.
     #[command(flatten)]
     pub hand: HandArgs,
+    /// Try only these typical grasps of the hand, names with commas between them; by default all
+    #[arg(long, value_name = "NAME,..", value_delimiter = ',')]
+    pub candidates: Vec<String>,
     /// Arm that carries it: rx60 (Stäubli), a file that describes another (docs/arms.md), or none to plan for the hand
     /// alone
     #[arg(long, value_name = "rx60|FILE.toml|none", default_value = "rx60", value_parser = arm_choice)]
@@ -85,6 +98,10 @@ pub struct PlanArgs {
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
+    // Exclusive arguments need no others, whose defaults are never looked at.
+    /// Print the JSON schema of PLAN.json and do nothing else
+    #[arg(long, exclusive = true)]
+    pub schema: bool,
 }
 
 /// Which search to run, `--strategy`.
@@ -190,6 +207,10 @@ fn table(text: &str) -> Result<TableChoice, String> {
 
 /// Runs the command.
 pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if args.schema {
+        write_json(out, &PlanDocument::schema())?;
+        return Ok(Outcome::Done);
+    }
     let to_stdout = args.output.as_os_str() == "-";
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let start = Instant::now();
@@ -203,6 +224,7 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let mut scene = Scene::new(object.mesh.clone(), base_from_object, table_height_m, arm)
         .with_context(|| format!("planning on {}", args.input))?
         .with_hand(chosen.hand);
+    restrict(&mut scene.hand, &args.candidates)?;
     scene.friction = args.friction;
     scene.seen = seen;
     let settings = SearchSettings {
@@ -239,6 +261,18 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         }
     }
     Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
+}
+
+/// Leaves the hand those of its candidates that are named; none named leaves all.
+fn restrict(hand: &mut Hand, names: &[String]) -> anyhow::Result<()> {
+    if let Some(unknown) = names.iter().find(|name| hand.candidates.iter().all(|c| c.name != **name)) {
+        let known: Vec<&str> = hand.candidates.iter().map(|candidate| candidate.name.as_str()).collect();
+        anyhow::bail!("--candidates: there is no '{unknown}'; the hand has {}", known.join(", "));
+    }
+    if !names.is_empty() {
+        hand.candidates.retain(|candidate| names.contains(&candidate.name));
+    }
+    Ok(())
 }
 
 /// The joint angles that were given in degrees, inside the arm's limits.
@@ -308,7 +342,7 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
             result.mesh
         }
     };
-    let mass_kg = args.mass.unwrap_or(input::ASSUMED_MASS_KG);
+    let mass_kg = args.mass.unwrap_or_else(|| input::assumed_mass_kg(&mesh));
     Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal, seen })
 }
 

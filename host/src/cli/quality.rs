@@ -7,7 +7,7 @@ use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use nalgebra::Vector3;
 
-use super::Outcome;
+use super::{Outcome, write_json};
 use crate::grasp::document::GraspDocument;
 use crate::grasp::report::QualityDocument;
 use crate::grasp::{
@@ -36,7 +36,7 @@ and bounding_box or vertices; simox also surface, contacts spread over the objec
 )]
 pub struct QualityArgs {
     /// Contacts as a JSON document; `-` reads standard input
-    #[arg(value_name = "CONTACTS.json", long_help = DOCUMENT)]
+    #[arg(value_name = "CONTACTS.json", long_help = DOCUMENT, required = true, default_value = "-", hide_default_value = true)]
     pub path: PathBuf,
     /// Measure as another program does; CONTACTS.json may need to know more of the object (see below)
     #[arg(long, value_name = "NAME", value_parser = named, conflicts_with_all = ["edges", "norm", "force_norm"])]
@@ -63,6 +63,10 @@ pub struct QualityArgs {
     /// Print one JSON document
     #[arg(long)]
     pub json: bool,
+    // Exclusive arguments need no others, whose defaults are never looked at.
+    /// Print the JSON schema of CONTACTS.json and do nothing else
+    #[arg(long, exclusive = true)]
+    pub schema: bool,
 }
 
 /// `--norm`.
@@ -143,6 +147,10 @@ impl QualityArgs {
 /// Reads the contacts, measures, and prints to `out`. [`Outcome::No`] when the grasp is not, or not certainly,
 /// force-closed; with `--resist` or a task, when it does not resist the wrench or the ellipsoid at all.
 pub fn run(args: &QualityArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
+    if args.schema {
+        write_json(out, &GraspDocument::schema())?;
+        return Ok(Outcome::Done);
+    }
     let grasp = (|| Ok::<_, anyhow::Error>(GraspDocument::from_json(&read(&args.path)?)?))()
         .with_context(|| format!("reading contacts from {}", args.path.display()))?;
     if let Some(convention) = args.convention {

@@ -39,6 +39,8 @@
 //! | `surface` | contacts that could be made, spread over it; none |
 
 use nalgebra::{Matrix6, Point3, Vector3};
+use schemars::generate::SchemaSettings;
+use schemars::{JsonSchema, Schema};
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -99,23 +101,44 @@ pub struct GraspDocument {
     pub task: Option<Task>,
 }
 
-#[derive(Deserialize)]
+/// The contacts of a grasp as `prehend quality` reads them: metres and newtons, one frame for all.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `contacts`")]
+#[schemars(title = "Contacts of a grasp")]
 struct RawGrasp {
+    /// The contacts.
+    #[schemars(title = "Contacts", length(max = MAX_CONTACTS))]
     contacts: Vec<RawContact>,
+    /// Point about which torques are taken, metres; by default the centroid of the contact points.
+    #[schemars(title = "Centre of mass")]
     center_of_mass: Option<[f64; 3]>,
+    /// Length that divides torques, metres; by default the largest distance of a contact point from the centre of mass,
+    /// or 1 m when all are there.
+    #[schemars(title = "Torque scale", extend("exclusiveMinimum" = 0))]
     torque_scale_m: Option<f64>,
+    /// What the conventions of other programs need to know of the object.
     #[serde(default)]
+    #[schemars(title = "Object")]
     object: RawObject,
+    /// Disturbances that the grasp is to be measured by.
+    #[schemars(title = "Task")]
     task: Option<RawTask>,
 }
 
-#[derive(Deserialize)]
+/// An ellipsoid of disturbances, wrenches on the object about its centre of mass; either `semi_axes` or `matrix`.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `semi_axes` or `matrix`")]
+#[schemars(rename = "Task", title = "Task", extend("oneOf" = either_of(["semi_axes", "matrix"])))]
 struct RawTask {
+    /// Semi-axes of the ellipsoid, three N, three N m.
+    #[schemars(title = "Semi-axes")]
     semi_axes: Option<[f64; 6]>,
+    /// Matrix of the ellipsoid, squares of N and N m on its diagonal.
+    #[schemars(title = "Matrix")]
     matrix: Option<[[f64; 6]; 6]>,
+    /// What always acts, three N, three N m; by default nothing.
     #[serde(default)]
+    #[schemars(title = "Load")]
     load: [f64; 6],
 }
 
@@ -130,33 +153,66 @@ impl RawTask {
     }
 }
 
-#[derive(Deserialize, Default)]
+/// What the conventions of other programs need to know of the object.
+#[derive(Deserialize, Default, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `vertices`, `bounding_box` or `surface`")]
+#[schemars(rename = "Object", title = "Object")]
 struct RawObject {
+    /// Vertices of its mesh, metres.
     #[serde(default)]
+    #[schemars(title = "Vertices")]
     vertices: Vec<[f64; 3]>,
+    /// Least and greatest coordinates; by default those of the vertices.
+    #[schemars(title = "Bounding box")]
     bounding_box: Option<RawBox>,
+    /// Contacts that could be made, spread over the object.
     #[serde(default)]
+    #[schemars(title = "Surface", length(max = MAX_CONTACTS))]
     surface: Vec<RawContact>,
 }
 
-#[derive(Deserialize)]
+/// Least and greatest coordinates.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `min` and `max`")]
+#[schemars(rename = "Box", title = "Bounding box")]
 struct RawBox {
+    /// Least coordinates, metres.
+    #[schemars(title = "Least")]
     min: [f64; 3],
+    /// Greatest coordinates, metres.
+    #[schemars(title = "Greatest")]
     max: [f64; 3],
 }
 
-#[derive(Deserialize)]
+/// A place where a finger touches.
+#[derive(Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, expecting = "an object with `point`, `normal` and `friction`")]
+#[schemars(rename = "Contact", title = "Contact")]
 struct RawContact {
+    /// Where it touches, metres.
+    #[schemars(title = "Point")]
     point: [f64; 3],
+    /// Vector into the object, of any length but 0, no unit.
+    #[schemars(title = "Normal")]
     normal: [f64; 3],
+    /// Coulomb friction coefficient, no unit.
+    #[schemars(title = "Friction", range(min = 0.0))]
     friction: f64,
+    /// Lever of the torsional friction, metres: largest moment about the normal over largest friction force; 0 is a hard
+    /// contact.
     #[serde(default)]
+    #[schemars(title = "Torsional lever", range(min = 0.0))]
     torsional_m: f64,
+    /// Largest normal force, newtons; only the norm linf uses it.
     #[serde(default = "default_max_force_n")]
+    #[schemars(title = "Largest force", extend("exclusiveMinimum" = 0))]
     max_force_n: f64,
+}
+
+/// Schemas of which exactly one holds: the one field is there and not null, or the other.
+fn either_of(fields: [&str; 2]) -> serde_json::Value {
+    let with = |field: &str| serde_json::json!({"required": [field], "properties": {field: {"not": {"type": "null"}}}});
+    fields.map(with).to_vec().into()
 }
 
 fn default_max_force_n() -> f64 {
@@ -172,6 +228,12 @@ impl RawContact {
 }
 
 impl GraspDocument {
+    /// The JSON schema (draft 2020-12) of these documents, as `docs/contacts.schema.json` holds it.
+    #[must_use]
+    pub fn schema() -> Schema {
+        SchemaSettings::draft2020_12().into_generator().into_root_schema_for::<RawGrasp>()
+    }
+
     /// Reads a document.
     pub fn from_json(text: &str) -> Result<Self, DocumentError> {
         let raw: RawGrasp = serde_json::from_str(text)?;

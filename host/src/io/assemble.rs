@@ -6,7 +6,7 @@ use nalgebra::{Point3, Unit as Normalized, Vector3};
 
 use super::error::{Fault, Place, Problem};
 use super::format::Unit;
-use super::{Loaded, polygon};
+use super::{Loaded, polygon, repair};
 use crate::surface::{Mesh, PointCloud};
 
 /// A mesh wider than this is probably in millimetres.
@@ -101,8 +101,8 @@ impl RawMesh {
 
     /// The mesh in metres, without faces that have no area and without vertices that belong to no face.
     ///
-    /// Vertices at exactly the same place are joined where that closes edges. A closed surface that is inside out is
-    /// turned.
+    /// Vertices at exactly the same place are joined where that closes edges. Faces that are there twice are dropped, those
+    /// that are turned against their neighbours are turned, and so is a closed surface that is inside out.
     pub(super) fn finish(mut self, unit: Unit) -> Result<Loaded<Mesh>, Fault> {
         for (index, vertex) in self.vertices.iter_mut().enumerate() {
             if let Some(&value) = vertex.coords.iter().find(|c| !c.is_finite()) {
@@ -125,6 +125,9 @@ impl RawMesh {
             warnings.push(format!("{dropped} faces without area were dropped"));
         }
         mesh = closed_as_far_as_joining_helps(mesh);
+        if !mesh.is_watertight() {
+            mesh = repair::repaired(mesh, &mut warnings);
+        }
         if mesh.is_watertight() && mesh.signed_volume_m3() < 0.0 {
             mesh = mesh.flipped();
             warnings.push("the closed surface was inside out: its faces were turned".to_owned());

@@ -26,6 +26,7 @@ mod off;
 mod pcd;
 mod ply;
 mod polygon;
+mod repair;
 mod stl;
 mod text;
 mod text_cloud;

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::attempt::Rejection;
 use super::closing::matrix;
-use super::scene::{Scene, TABLE_CLEARANCE_M};
+use super::scene::{Scene, TABLE_CLEARANCE_M, table_clearance_m};
 use super::settle::Site;
 use crate::hand::finger::MAX_BEADS;
 use crate::hand::{Hand, MAX_FINGERS, PalmBox, Posture};
@@ -117,7 +117,7 @@ pub(super) fn hand_clear_of_table(
         let frames = chain.frames(posture);
         chain.beads().iter().all(|bead| {
             let center = base_from_palm * (frames.palm_from_segment(bead.segment) * bead.center_in_segment);
-            center.z - bead.radius_m >= table_height_m + TABLE_CLEARANCE_M
+            center.z - bead.radius_m >= table_height_m + table_clearance_m(bead.part)
         })
     })
 }

@@ -18,6 +18,7 @@ use std::f64::consts::TAU;
 use std::fmt;
 
 use nalgebra::{Isometry3, Point3};
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -64,14 +65,18 @@ const SEARCH_PAD_RAD: f64 = 1.6;
 const SEARCH_ITERATIONS: usize = 400;
 
 /// Joint trajectories of one grasp, each from rest to rest.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
+#[schemars(title = "Motion of the arm")]
 pub struct ArmMotion {
     /// From the start to the approach site, the hand open.
+    #[schemars(title = "Transfer")]
     pub transfer: JointTrajectory,
     /// Approach site to grasp site.
+    #[schemars(title = "Approach")]
     pub approach: JointTrajectory,
     /// Grasp site to lifted site.
+    #[schemars(title = "Lift")]
     pub lift: JointTrajectory,
 }
 

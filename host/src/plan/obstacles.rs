@@ -12,7 +12,7 @@ use super::arm::distance::{point_to_segment_m, segment_to_box_m, segment_to_segm
 use super::arm::{Arm, Joints};
 use super::hand_shape::{Ball, HandShape, in_box, lowest_m};
 
-use super::scene::TABLE_CLEARANCE_M;
+use super::scene::{TABLE_CLEARANCE_M, TIP_CLEARANCE_M};
 use super::surface_query::SurfaceQuery;
 use crate::hand::PalmBox;
 
@@ -20,7 +20,7 @@ use crate::hand::PalmBox;
 const RESOLUTION_M: f64 = 0.0005;
 
 /// What the hand keeps from the table, metres: half of what grasp sites keep, so that the ends of a way are free.
-const HAND_TABLE_CLEARANCE_M: f64 = 0.5 * TABLE_CLEARANCE_M;
+const HAND_TABLE_CLEARANCE_M: f64 = 0.5 * TIP_CLEARANCE_M;
 
 /// Links whose bodies the hand is checked against: the wrist's last one is its neighbour.
 const LAST_LINK_NEAR_HAND: usize = 4;

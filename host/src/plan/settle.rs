@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use super::attempt::close_hand;
 use super::closing::{Closing, matrix};
 use super::preshape::{PATH_M, Preshape, PreshapeTable, any_across, rotation_from_axes};
-use super::scene::{Scene, TABLE_CLEARANCE_M};
+use super::scene::{Scene, table_clearance_m};
 
 /// Corrections before a site is taken as it is. Most need two or three.
 const MAX_CORRECTIONS: usize = 6;
@@ -183,9 +183,9 @@ fn table_deficit_m(scene: &Scene, table: &PreshapeTable, site: &Site) -> f64 {
         let frames = chain.frames(&posture);
         for bead in chain.beads() {
             let center = base_from_palm * (frames.palm_from_segment(bead.segment) * bead.center_in_segment);
-            lowest_m = lowest_m.min(center.z - bead.radius_m);
+            lowest_m = lowest_m.min(center.z - bead.radius_m - table_clearance_m(bead.part));
         }
     }
     // A tenth of a millimetre more than the clearance, so that rounding does not make the attempt refuse the pose.
-    table_height_m + TABLE_CLEARANCE_M + 1.0e-4 - lowest_m
+    table_height_m + 1.0e-4 - lowest_m
 }

@@ -1,18 +1,24 @@
 //! Joint angles over time, as cubic pieces.
 
+use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::arm::Joints;
 
 /// Where the arm is, and how fast, at one time.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(title = "Knot of an arm trajectory")]
 pub struct Knot {
     /// Time since the start of the motion, seconds.
+    #[schemars(title = "Time", range(min = 0.0))]
     pub t_s: f64,
-    /// Joint angles.
+    /// Joint angles in the manufacturer's counting, rad.
+    #[schemars(title = "Angles")]
     pub q_rad: Joints,
-    /// Joint speeds.
+    /// Joint speeds, rad/s.
+    #[schemars(title = "Speeds")]
     pub qd_rad_per_s: Joints,
 }
 
@@ -67,8 +73,9 @@ pub enum TrajectoryError {
 
 /// A motion of six joints: cubic Hermite pieces between knots, so that angle and speed are continuous and the
 /// acceleration is linear in each piece.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(try_from = "Vec<Knot>", into = "Vec<Knot>")]
+#[schemars(title = "Arm trajectory", extend("minItems" = 1))]
 pub struct JointTrajectory {
     knots: Vec<Knot>,
 }

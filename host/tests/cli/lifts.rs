@@ -1,0 +1,47 @@
+//! Small and large objects, planned on and lifted on the twin.
+
+use std::path::Path;
+
+use crate::prehend;
+use crate::solids::Solid;
+
+/// Plans on the solid and executes the best grasp.
+#[track_caller]
+fn is_lifted(folder: &Path, solid: &Solid, options: &str) {
+    solid.write(&folder.join("solid.off"));
+    prehend(folder, &format!("plan solid.off -o plan.json --top 3 {options}")).ends_with(0);
+    let run = prehend(folder, "execute plan.json --json").ends_with(0).json();
+    assert_eq!(run["verdict"], "held", "{run}");
+}
+
+#[test]
+fn ten_millimetres_are_pinched_from_the_table() {
+    let folder = tempfile::tempdir().unwrap();
+    for solid in [
+        Solid::block([0.010; 3], 1),
+        Solid::cylinder(0.010, 0.010),
+        // A rod on its narrow side and on end, a plate of 2 mm on edge.
+        Solid::block([0.060, 0.003, 0.010], 1),
+        Solid::block([0.003, 0.010, 0.060], 1),
+        Solid::block([0.080, 0.002, 0.060], 1),
+    ] {
+        is_lifted(folder.path(), &solid, "--attempts 4000");
+    }
+}
+
+#[test]
+fn what_lies_flat_on_the_table_is_out_of_reach_of_round_fingertips() {
+    let folder = tempfile::tempdir().unwrap();
+    for flat in [Solid::block([0.060, 0.010, 0.003], 1), Solid::block([0.080, 0.060, 0.002], 1)] {
+        flat.write(&folder.path().join("flat.off"));
+        let ran = prehend(folder.path(), "plan flat.off -o plan.json --attempts 1000").ends_with(1);
+        assert!(String::from_utf8_lossy(&ran.stdout).contains("0 with force closure"));
+    }
+}
+
+#[test]
+fn a_bottle_is_lifted_by_a_power_grasp() {
+    let folder = tempfile::tempdir().unwrap();
+    let bottle = Solid::cylinder(0.070, 0.180);
+    is_lifted(folder.path(), &bottle, "--mass 0.4 --candidates power,power-turned --attempts 6000");
+}
