@@ -133,7 +133,9 @@ fn beads(
 /// or, of several, one in their middle.
 fn end(balls: &[Ball]) -> (Vec<Ball>, Vec<Ball>, Option<Ball>) {
     let Some(farthest) = balls.last() else { return Default::default() };
-    let along = farthest.center.coords.try_normalize(1e-6).unwrap_or_else(Vector3::z);
+    // Along the link's middle: the farthest ball of a wide link may be one at a corner.
+    let sum: Vector3<f64> = balls.iter().map(|ball| ball.center.coords).sum();
+    let along = sum.try_normalize(1e-6).unwrap_or_else(Vector3::z);
     let reach_m = |ball: &Ball| ball.center.coords.dot(&along) + ball.radius_m;
     let most_m = balls.iter().map(reach_m).fold(f64::NEG_INFINITY, f64::max);
     let is_end = |ball: &&Ball| reach_m(ball) > most_m - END_SHARE * farthest.radius_m;
@@ -194,7 +196,8 @@ mod tests {
         let (before, end, tip) =
             end(&[ball(0.01, 0.0, 0.008), ball(0.04, -0.005, 0.006), ball(0.04, 0.005, 0.006)]);
         assert_eq!((before.len(), end.len()), (1, 2));
-        assert_eq!(tip, Some(ball(0.04, 0.0, 0.006)));
+        let tip = tip.unwrap();
+        assert!((tip.center.coords - Vector3::new(0.04, 0.0, 0.0)).norm() < 1e-12 && tip.radius_m == 0.006);
         let (before, end, tip) = super::end(&[ball(0.01, 0.0, 0.008), ball(0.04, 0.0, 0.006)]);
         assert_eq!((before.len(), end.len(), tip), (1, 0, Some(ball(0.04, 0.0, 0.006))));
     }

@@ -6,7 +6,7 @@ use super::overrides::Overrides;
 use crate::hand::{Joint, MAX_JOINTS};
 
 /// Speed of a joint whose description has none, rad/s: half a turn a second.
-const SPEED_RAD_PER_S: f64 = 3.14;
+const SPEED_RAD_PER_S: f64 = std::f64::consts::PI;
 
 /// Torque of a joint whose description has none, N m: that of a finger's drive of 10 N at the tip.
 const TORQUE_NM: f64 = 1.0;

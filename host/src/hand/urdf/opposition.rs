@@ -124,7 +124,7 @@ fn faced(own: &State, others: &[State]) -> f64 {
     for other in others {
         let line = other.tip - own.tip;
         let apart_m = line.norm();
-        if apart_m < 1e-3 || apart_m > APART_MAX_M {
+        if !(1e-3..=APART_MAX_M).contains(&apart_m) {
             continue;
         }
         best = best.max((own.pad.dot(&line)).min(-other.pad.dot(&line)) / apart_m);

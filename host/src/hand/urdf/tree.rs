@@ -32,6 +32,9 @@ pub(super) struct Connection {
     pub(super) motion: Motion,
 }
 
+/// Where a link goes: onto a body with a pose in it, or into a body of its own behind a joint, which the root has not.
+type Place = Result<(usize, IsometryMatrix3<f64>), Option<Connection>>;
+
 /// All bodies, parents first.
 #[derive(Debug, Clone)]
 pub(super) struct Tree {
@@ -74,8 +77,7 @@ impl Tree {
             joints_below[joint.parent].push(i);
         }
         let mut tree = Self { bodies: Vec::new(), body_of: vec![usize::MAX; links.len()], parent_link };
-        // (link, body it belongs to if it is fixed to one, pose in that body, connection of a new body)
-        let mut open: Vec<(usize, Result<(usize, IsometryMatrix3<f64>), Option<Connection>>)> =
+        let mut open: Vec<(usize, Place)> =
             roots.first().map(|&root| (root, Err(None))).into_iter().collect();
         while let Some((link, place)) = open.pop() {
             let (body, body_from_link) = match place {

@@ -123,8 +123,7 @@ impl<'a> Search<'a> {
         let of_finger = |finger| {
             if finger == self.opposing || is_used(finger) { self.states(finger, setting) } else { Vec::new() }
         };
-        let states: Vec<Vec<(usize, State)>> =
-            (0..self.fingers.len()).map(|finger| of_finger(finger)).collect();
+        let states: Vec<Vec<(usize, State)>> = (0..self.fingers.len()).map(of_finger).collect();
         let one_drive = self.one_drive();
         let mut best: Vec<Vec<Option<(f64, Posture, f64)>>> = vec![vec![None; 5]; patterns.len()];
         for (bucket, own) in &states[self.opposing] {

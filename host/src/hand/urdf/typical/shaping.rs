@@ -46,10 +46,10 @@ impl Search<'_> {
     pub(super) fn candidate(&self, pattern: &Pattern, posture: &Posture) -> Option<(Candidate, f64)> {
         let mut open = flexion::middle(self.joints);
         let mut uses = [false; MAX_FINGERS];
-        // The unused first: a drive that they share is then set by the used ones.
-        for finger in 0..self.fingers.len() {
-            uses[finger] = finger == self.opposing || pattern.others.contains(&finger);
+        for (finger, slot) in uses.iter_mut().enumerate().take(self.fingers.len()) {
+            *slot = finger == self.opposing || pattern.others.contains(&finger);
         }
+        // The unused first: a drive that they share is then set by the used ones.
         for is_used in [false, true] {
             for (_, chain) in self.fingers.iter().enumerate().filter(|(f, _)| uses[*f] == is_used) {
                 let from = if is_used { posture } else { &open };
