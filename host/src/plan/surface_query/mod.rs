@@ -103,11 +103,16 @@ impl SurfaceQuery {
     /// outside the sphere about the whole; within, the bound is negative where the side is not clear.
     #[must_use]
     pub fn distance_bound_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        self.bound_m(point_in_object, self.read(to_parry(&point_in_object.coords)).as_ref())
+    }
+
+    /// The bound where the cells have been read.
+    fn bound_m(&self, point_in_object: &Point3<f64>, reading: Option<&Reading>) -> f64 {
         let from_center_m = (point_in_object - self.center_in_object).norm();
         let from_sphere_m = from_center_m - self.radius_m;
         let point = to_parry(&point_in_object.coords);
         let closed = self.sides.closed();
-        let bound_m = match self.read(point) {
+        let bound_m = match reading {
             Some(reading) => reading.bound_m(),
             // Outside the cells the upright box is outside the body, if there is one.
             None if closed => (self.low - point).max(point - self.high).max(ParryVector::ZERO).length(),
@@ -130,7 +135,7 @@ impl SurfaceQuery {
     pub fn nearest_within(&self, point_in_object: &Point3<f64>, max_m: f64) -> Option<Nearest> {
         let point = to_parry(&point_in_object.coords);
         let reading = self.read(point);
-        if reading.is_some_and(|reading| reading.bound_m() > max_m) {
+        if self.bound_m(point_in_object, reading.as_ref()) > max_m {
             return None;
         }
         let nearest = self.nearest_from(point, reading.map_or(0, |reading| reading.sample.triangle));
