@@ -12,12 +12,12 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal, UnitSphere};
 
 use super::attempt::is_open_to;
-use super::preshape::{PreshapeTable, any_across};
+use super::preshape::{Preshape, PreshapeTable, any_across};
 use super::samples::{across, through};
 use super::scene::Scene;
 use super::settle::{Approach, Site, placed, settle};
 use super::wrap::palm_over;
-use crate::hand::Posture;
+use crate::hand::{Candidate, Posture};
 
 /// Share of the proposals that lie between opposite surfaces; the others lie about the middle of the object.
 const OPPOSED_SHARE: f64 = 0.7;
@@ -74,11 +74,23 @@ pub(super) fn propose(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) 
         (drawn, site)
     });
     if candidate.wraps {
-        // What closes is the candidate's, link by link, and not along the preshape's ways.
-        site.preshape.rate = Posture::ZERO;
+        open_wide(scene, candidate, &mut site.preshape);
         return site;
     }
     settle(scene, table, &drawn.approach, &drawn.target, drawn.width_m)
+}
+
+/// Every finger at the beginning of its path. What closes from there is the candidate's joints, one after the other, and not
+/// the preshape's paths.
+fn open_wide(scene: &Scene, candidate: &Candidate, preshape: &mut Preshape) {
+    let mut start = preshape.start;
+    for finger in candidate.fingers() {
+        let opened = preshape.with_finger_at(preshape.u_begin[finger]);
+        for &joint in scene.hand.fingers[finger].joints() {
+            start[joint] = opened[joint];
+        }
+    }
+    (preshape.start, preshape.rate) = (scene.hand.clamped(start), Posture::ZERO);
 }
 
 /// The palm's pressing face over a random point of the surface, the fingers around what is under it.

@@ -1,8 +1,9 @@
 //! Power grasps: the palm against the object, and the fingers wrapped around it link by link.
 //!
-//! The open hand moves on until the palm touches, or whatever of it meets object or table first. Then each finger closes all its joints together; what touches stays where it is, the
-//! joints before it stop, and those behind it go on until nothing moves any more, as in the enveloping grasps of
-//! `GraspIt!`'s auto-grasp and of underactuated hands. A soft object's patch on the palm is up to four points.
+//! The open hand moves on until the palm touches, or whatever of it meets object or table first. Then each finger closes
+//! all its joints together; what touches stays where it is, the joints before it stop, and those behind it go on until
+//! nothing moves any more, as in the enveloping grasps of `GraspIt!`'s auto-grasp and of underactuated hands. A soft
+//! object's patch on the palm is up to four points.
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
@@ -14,8 +15,8 @@ use super::scene::{Scene, TABLE_CLEARANCE_M};
 use super::settle::Site;
 use crate::hand::{Candidate, Finger, Part, Posture};
 
-/// How far the palm is drawn back before it is seated, and how far on it may then go, metres: between the middle of a
-/// precision grasp and the palm lies a finger.
+/// How far the palm is drawn back before it is seated, and how far beyond its site it may then go, metres: from where its
+/// tips would meet, as in a precision grasp, a palm has about a finger's length to go.
 const SEAT_BACK_M: f64 = 0.02;
 const SEAT_WAY_M: f64 = 0.10;
 

@@ -123,7 +123,7 @@ impl Kept {
                 let ends = [preshape.u_begin[finger], preshape.u_end[finger]].map(|u| u * preshape.rate[i]);
                 let lowest = joint.lower_rad - ends[0].min(ends[1]);
                 let highest = joint.upper_rad - ends[0].max(ends[1]);
-                let deviation_rad = noise * MOTION.spread * (joint.upper_rad - joint.lower_rad);
+                let deviation_rad = noise * MOTION.of_joint(joint);
                 let by_rad = spread_rad[i] + rng.sample::<f64, _>(StandardNormal) * deviation_rad;
                 preshape.start[i] = (preshape.start[i] + by_rad).min(highest).max(lowest);
             }

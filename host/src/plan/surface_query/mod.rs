@@ -103,22 +103,22 @@ impl SurfaceQuery {
     /// outside the sphere about the whole; within, the bound is negative where the side is not clear.
     #[must_use]
     pub fn distance_bound_m(&self, point_in_object: &Point3<f64>) -> f64 {
-        self.bound_m(point_in_object, self.read(to_parry(&point_in_object.coords)).as_ref())
-    }
-
-    /// The bound where the cells have been read.
-    fn bound_m(&self, point_in_object: &Point3<f64>, reading: Option<&Reading>) -> f64 {
         let from_center_m = (point_in_object - self.center_in_object).norm();
         let from_sphere_m = from_center_m - self.radius_m;
         let point = to_parry(&point_in_object.coords);
         let closed = self.sides.closed();
-        let bound_m = match reading {
+        let bound_m = match self.read(point) {
             Some(reading) => reading.bound_m(),
             // Outside the cells the upright box is outside the body, if there is one.
-            None if closed => (self.low - point).max(point - self.high).max(ParryVector::ZERO).length(),
+            None if closed => self.from_box_m(point),
             None => -(from_center_m + self.radius_m),
         };
         if closed || from_sphere_m > 0.0 { bound_m.max(from_sphere_m) } else { bound_m }
+    }
+
+    /// Distance from the upright box about the surface, metres; 0 within.
+    fn from_box_m(&self, point: ParryVector) -> f64 {
+        (self.low - point).max(point - self.high).max(ParryVector::ZERO).length()
     }
 
     /// The nearest point of the surface to `point_in_object`.
@@ -135,7 +135,11 @@ impl SurfaceQuery {
     pub fn nearest_within(&self, point_in_object: &Point3<f64>, max_m: f64) -> Option<Nearest> {
         let point = to_parry(&point_in_object.coords);
         let reading = self.read(point);
-        if self.bound_m(point_in_object, reading.as_ref()) > max_m {
+        let is_beyond = match &reading {
+            Some(reading) => reading.bound_m() > max_m,
+            None => self.sides.closed() && self.from_box_m(point) > max_m,
+        };
+        if is_beyond {
             return None;
         }
         let nearest = self.nearest_from(point, reading.map_or(0, |reading| reading.sample.triangle));
