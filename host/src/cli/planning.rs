@@ -11,13 +11,13 @@ use rayon::prelude::*;
 use super::plan::Strategy;
 use crate::exec::{
     GripContact, GripStiffness, LEAST_TIP_SHARE, LinkPush, balanced_forces, joint_squeeze_targets,
-    squeeze_targets,
+    squeeze_targets, torque_share,
 };
 use crate::grasp::Convention;
 use crate::hand::{Hand, Posture, hit_dlr};
 use crate::object::Object;
 use crate::plan::arm::Joints;
-use crate::plan::attempt::{Grasp, Rejection, palm_sites};
+use crate::plan::attempt::{Grasp, GraspContact, Rejection, palm_sites};
 use crate::plan::document::{
     ContactInfo, FORMAT, FingerKnotInfo, FingerMotionInfo, GraspInfo, HandInfo, ObjectInfo, PlanDocument,
     QualityInfo, SettingsInfo, VERSION, array, frames, mesh_hash, posture,
@@ -237,39 +237,42 @@ impl Planner<'_> {
         let grip_n = (GRIP_SAFETY * weight_n / scene.friction.max(0.05)).clamp(least_n, most_n);
         let is_precise = !scene.hand.candidates[grasp.candidate].wraps;
         let least_share = if is_precise { LEAST_TIP_SHARE } else { 0.0 };
-        let forces = [SQUEEZE_CONE_SHARE, 1.0]
+        let mut forces = [SQUEEZE_CONE_SHARE, 1.0]
             .into_iter()
             .find_map(|cone_share| balanced_forces(&contacts, cone_share, grip_n, least_share).ok())?;
         let palm_from_object = grasp.site.object_from_palm.inverse();
+        let push = |(touch, force): (&GraspContact, &Vector3<f64>)| {
+            let finger = touch.finger?;
+            Some(LinkPush {
+                finger,
+                segment: scene.hand.fingers[finger].beads()[touch.bead].segment,
+                point_in_palm: palm_from_object * touch.contact.point_in_object(),
+                force_in_palm: palm_from_object.rotation * force,
+            })
+        };
+        let mut pushes: Vec<LinkPush> = grasp.contacts.iter().zip(&forces).filter_map(push).collect();
+        // Forces that balance do so at any size: what is too much for a drive is less for all.
+        let share = torque_share(&scene.hand, &grasp.grasp, &pushes);
+        if share > 1.0 {
+            if grip_n / share < grip_n.min(weight_n / scene.friction.max(0.05)) {
+                return None;
+            }
+            forces.iter_mut().for_each(|force| *force /= share);
+            pushes.iter_mut().for_each(|push| push.force_in_palm /= share);
+        }
         let squeeze = match &scene.hand.model {
             // The firmware's thumb presses by Cartesian impedance.
             Some(model) if is_precise => {
                 let mut in_palm = [None; FINGER_COUNT];
-                for (touch, force) in grasp.contacts.iter().zip(&forces) {
-                    if let Some(slot) = touch.finger.and_then(|finger| in_palm.get_mut(finger)) {
-                        *slot = Some(palm_from_object.rotation * force);
+                for push in &pushes {
+                    if let Some(slot) = in_palm.get_mut(push.finger) {
+                        *slot = Some(push.force_in_palm);
                     }
                 }
                 let angles = hit_dlr::angles(&grasp.grasp);
                 hit_dlr::posture(&squeeze_targets(model, &angles, &in_palm, &GripStiffness::default()))
             }
-            _ => {
-                let pushes: Vec<LinkPush> = grasp
-                    .contacts
-                    .iter()
-                    .zip(&forces)
-                    .filter_map(|(touch, force)| {
-                        let finger = touch.finger?;
-                        Some(LinkPush {
-                            finger,
-                            segment: scene.hand.fingers[finger].beads()[touch.bead].segment,
-                            point_in_palm: palm_from_object * touch.contact.point_in_object(),
-                            force_in_palm: palm_from_object.rotation * force,
-                        })
-                    })
-                    .collect();
-                joint_squeeze_targets(&scene.hand, &grasp.grasp, &pushes)
-            }
+            _ => joint_squeeze_targets(&scene.hand, &grasp.grasp, &pushes),
         };
         Some((squeeze, forces))
     }

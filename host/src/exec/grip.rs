@@ -203,22 +203,37 @@ pub struct LinkPush {
     pub force_in_palm: Vector3<f64>,
 }
 
+/// The greatest share of its torque that the pushes ask of any joint of a hand at `grasp`: above 1 the drives cannot give
+/// them. A joint that is held bears its part with the brake. Joints without a torque above 0 do not count: what they can
+/// give is not known.
+#[must_use]
+pub fn torque_share(hand: &Hand, grasp: &Posture, pushes: &[LinkPush]) -> f64 {
+    let torques_nm = joint_torques(hand, grasp, pushes);
+    let known = hand.joints.iter().enumerate().filter(|(_, joint)| joint.torque_max_nm > 0.0);
+    known.map(|(i, joint)| torques_nm[i].abs() / joint.torque_max_nm).fold(0.0, f64::max)
+}
+
+/// `J^T f`, N m (N of a sliding joint).
+fn joint_torques(hand: &Hand, grasp: &Posture, pushes: &[LinkPush]) -> Posture {
+    let mut torques_nm = Posture::ZERO;
+    for push in pushes {
+        let chain = &hand.fingers[push.finger];
+        let jacobian = chain.point_jacobian(&chain.frames(grasp), push.segment, &push.point_in_palm);
+        for (column, &joint) in chain.joints().iter().enumerate() {
+            torques_nm[joint] += jacobian.column(column).dot(&push.force_in_palm);
+        }
+    }
+    torques_nm
+}
+
 /// Joint targets that press with the given forces when a hand whose joints are all under position control stands at
 /// `grasp`: `q + J^T f / k` with each joint's stiffness, within the joints' limits. Joints that are held stay.
 #[must_use]
 pub fn joint_squeeze_targets(hand: &Hand, grasp: &Posture, pushes: &[LinkPush]) -> Posture {
+    let torques_nm = joint_torques(hand, grasp, pushes);
     let mut squeeze = *grasp;
-    for push in pushes {
-        let chain = &hand.fingers[push.finger];
-        let frames = chain.frames(grasp);
-        let jacobian = chain.point_jacobian(&frames, push.segment, &push.point_in_palm);
-        for (column, &joint) in chain.joints().iter().enumerate() {
-            let limits = &hand.joints[joint];
-            if !limits.is_held {
-                squeeze[joint] +=
-                    jacobian.column(column).dot(&push.force_in_palm) / limits.stiffness_nm_per_rad;
-            }
-        }
+    for (i, joint) in hand.joints.iter().enumerate().filter(|(_, joint)| !joint.is_held) {
+        squeeze[i] += torques_nm[i] / joint.stiffness_nm_per_rad;
     }
     hand.clamped(squeeze)
 }

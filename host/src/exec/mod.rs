@@ -9,7 +9,7 @@ mod run;
 
 pub use grip::{
     GripContact, GripError, GripStiffness, LEAST_TIP_SHARE, LinkPush, balanced_forces, joint_squeeze_targets,
-    squeeze_targets,
+    squeeze_targets, torque_share,
 };
 pub use monitor::{FeltContact, Monitor, MonitorConfig, Touch, felt_contact};
 pub use outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};

@@ -12,11 +12,12 @@ use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal, UnitSphere};
 
 use super::attempt::is_open_to;
-use super::preshape::{PreshapeTable, any_across};
+use super::preshape::{Preshape, PreshapeTable, any_across};
 use super::samples::{across, through};
 use super::scene::Scene;
 use super::settle::{Approach, Site, placed, settle};
 use super::wrap::palm_over;
+use crate::hand::{Candidate, Posture};
 
 /// Share of the proposals that lie between opposite surfaces; the others lie about the middle of the object.
 const OPPOSED_SHARE: f64 = 0.7;
@@ -31,36 +32,72 @@ const LEAN_RAD: f64 = 0.15;
 /// How far the approach leans from straight across the line of the fingers, rad (one standard deviation).
 const APPROACH_LEAN_RAD: f64 = 0.25;
 
+/// Share of a power grasp's proposals that come along the direction in which the palm presses; the others come as
+/// precision grasps do, thumb and fingers on either side. The built-in hand's thumb leaves little room before the
+/// palm's face: nearly all of its power grasps are of the second kind.
+const PRESSED_SHARE: f64 = 0.2;
+
+/// How much wider than the object between its fingers a power grasp may open at most, metres.
+const ROOM_M: f64 = 0.04;
+
 /// Drawings before a proposal is taken as it is; the attempt then says what is wrong with it.
 const DRAWINGS: usize = 24;
 
 /// With a table, approaches rise at most ten degrees above the horizontal.
 const RISING_MAX: f64 = 0.17;
 
-/// A site for one candidate's preshapes, settled until the fingers touch together.
+/// A site for one candidate's preshapes: settled until the fingers touch together, or where the palm of a power grasp
+/// sets out.
 pub(super) fn propose(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) -> Site {
-    if table.candidate().wraps {
-        return around(scene, table, rng);
+    let candidate = table.candidate();
+    if candidate.wraps && rng.random_range(0.0..1.0) < PRESSED_SHARE {
+        return pressed(scene, table, rng);
     }
     let mut last = None;
     for _ in 0..DRAWINGS {
-        let Some(drawn) = draw(scene, rng) else { continue };
+        let Some(mut drawn) = draw(scene, rng) else { continue };
+        if candidate.wraps {
+            // The fingers have to pass what they will lie against.
+            let wider_m = rng.random_range(0.0..ROOM_M);
+            drawn.width_m = drawn.width_m.map(|width_m| width_m + wider_m);
+        }
         let site = placed(scene, table, &drawn.approach, &drawn.target, drawn.width_m);
-        let is_open = is_open_to(scene, table.candidate(), &site);
-        last = Some(drawn);
+        let is_open = is_open_to(scene, candidate, &site);
+        last = Some((drawn, site));
         if is_open {
             break;
         }
     }
-    let drawn = last.unwrap_or_else(|| about_the_middle(scene, rng));
+    let (drawn, mut site) = last.unwrap_or_else(|| {
+        let drawn = about_the_middle(scene, rng);
+        let site = placed(scene, table, &drawn.approach, &drawn.target, drawn.width_m);
+        (drawn, site)
+    });
+    if candidate.wraps {
+        open_wide(scene, candidate, &mut site.preshape);
+        return site;
+    }
     settle(scene, table, &drawn.approach, &drawn.target, drawn.width_m)
 }
 
-/// The palm over a random point of the surface, the fingers around what is under it.
-fn around(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) -> Site {
+/// Every finger at the beginning of its path. What closes from there is the candidate's joints, one after the other, and not
+/// the preshape's paths.
+fn open_wide(scene: &Scene, candidate: &Candidate, preshape: &mut Preshape) {
+    let mut start = preshape.start;
+    for finger in candidate.fingers() {
+        let opened = preshape.with_finger_at(preshape.u_begin[finger]);
+        for &joint in scene.hand.fingers[finger].joints() {
+            start[joint] = opened[joint];
+        }
+    }
+    (preshape.start, preshape.rate) = (scene.hand.clamped(start), Posture::ZERO);
+}
+
+/// The palm's pressing face over a random point of the surface, the fingers around what is under it.
+fn pressed(scene: &Scene, table: &PreshapeTable, rng: &mut impl Rng) -> Site {
     let candidate = table.candidate();
     let mut preshape = *table.nearest(&scene.hand, f64::INFINITY);
-    preshape.start = candidate.open;
+    (preshape.start, preshape.rate) = (candidate.open, Posture::ZERO);
     let mut site =
         Site { object_from_palm: Isometry3::identity(), direction_in_object: Vector3::x_axis(), preshape };
     for _ in 0..DRAWINGS {

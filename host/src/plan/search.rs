@@ -185,8 +185,19 @@ pub fn perturbed(
     let mut normal = || rng.sample::<f64, _>(StandardNormal);
     let shift = Vector3::new(normal(), normal(), normal()) * shift_m;
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(normal(), normal(), normal()) * turn_rad);
+    moved(site, about_in_object, &shift, turn)
+}
+
+/// A site turned by a rotation about a point, and shifted.
+#[must_use]
+pub fn moved(
+    site: &Site,
+    about_in_object: &Point3<f64>,
+    shift_m: &Vector3<f64>,
+    turn: UnitQuaternion<f64>,
+) -> Site {
     let about = Translation3::from(about_in_object.coords);
-    let motion = Translation3::from(shift)
+    let motion = Translation3::from(*shift_m)
         * about
         * Isometry3::from_parts(Translation3::identity(), turn)
         * about.inverse();

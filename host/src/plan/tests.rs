@@ -38,14 +38,15 @@ fn check(scene: &Scene, grasp: &Grasp) {
         let gap_m = (grasp.site.object_from_palm * center - point).norm() - bead.radius_m;
         assert!(gap_m.abs() < 1e-4, "{}: {gap_m} m from bead to contact", chain.name);
     }
-    // Nothing of the hand below the table, open or closed.
+    // Nothing of the hand below the table, if there is one, open or closed.
+    let table_m = scene.table_height_m.unwrap_or(f64::NEG_INFINITY);
     let mut centers = Vec::new();
     for posture in [&grasp.pregrasp, &grasp.grasp] {
         for chain in &hand.fingers {
             chain.bead_centers(posture, &mut centers);
             for (bead, center) in chain.beads().iter().zip(&centers) {
                 let in_base = scene.base_from_object * grasp.site.object_from_palm * center;
-                assert!(in_base.z > bead.radius_m, "{} in the table", chain.name);
+                assert!(in_base.z - bead.radius_m > table_m, "{} in the table", chain.name);
             }
         }
     }
@@ -184,5 +185,21 @@ fn power_grasps_wrap_links_and_palm_around_a_large_body() {
         let friction = touch.contact.friction();
         let rubber = touch.is_pad(hand);
         assert!((friction - if rubber { scene.friction } else { hand.link_friction }).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn power_grasps_are_found_on_what_stands_on_a_table() {
+    // Too thick to be pressed against the palm's face with the thumb in front of it: hand and thumb go down around it.
+    let scene = scene(BuiltIn::Cylinder, 1.2);
+    let mut hand = scene.hand.clone();
+    hand.candidates.retain(|candidate| candidate.wraps);
+    let scene = scene.with_hand(hand);
+    let result = best::search(&scene, &few(600), &quiet);
+    assert!(result.grasps.len() >= 20, "{} grasps", result.grasps.len());
+    let links = |grasp: &Grasp| grasp.contacts.iter().filter(|touch| !touch.is_pad(&scene.hand)).count();
+    assert!(result.grasps.iter().any(|grasp| links(grasp) >= 2), "links or palm press");
+    for grasp in result.grasps.iter().take(20) {
+        check(&scene, grasp);
     }
 }

@@ -1,22 +1,30 @@
 //! Power grasps: the palm against the object, and the fingers wrapped around it link by link.
 //!
-//! The palm moves on until it touches. Then each finger closes all its joints together; what touches stays where it is, the
-//! joints before it stop, and those behind it go on until nothing moves any more, as in the enveloping grasps of
-//! `GraspIt!`'s auto-grasp and of underactuated hands. A soft object's patch on the palm is up to four points.
+//! The open hand moves on until the palm touches, or whatever of it meets object or table first. Then each finger closes
+//! all its joints together; what touches stays where it is, the joints before it stop, and those behind it go on until
+//! nothing moves any more, as in the enveloping grasps of `GraspIt!`'s auto-grasp and of underactuated hands. A soft
+//! object's patch on the palm is up to four points.
 
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::approach::{palm_clear_of_table, palm_cuts_object};
 use super::attempt::{GraspContact, Rejection, Seat, contact_at};
-use super::closing::{Closing, Way, advance};
+use super::closing::{Closing, Way, advance, matrix};
 use super::preshape::any_across;
-use super::scene::Scene;
+use super::scene::{Scene, TABLE_CLEARANCE_M};
 use super::settle::Site;
 use crate::hand::{Candidate, Finger, Part, Posture};
 
-/// How far the palm is drawn back before it is seated, and how far it may then go, metres.
+/// How far the palm is drawn back before it is seated, and how far beyond its site it may then go, metres: from where its
+/// tips would meet, as in a precision grasp, a palm has about a finger's length to go.
 const SEAT_BACK_M: f64 = 0.02;
-const SEAT_WAY_M: f64 = 0.05;
+const SEAT_WAY_M: f64 = 0.10;
+
+/// Steps in which it goes, metres: half a fingertip. Nothing that could be held is thinner along the palm's whole width.
+const SEAT_STEP_M: f64 = 0.005;
+
+/// Gap that a seated hand leaves to its open fingers, metres: a finger that touches before it closes cannot press.
+const FINGER_GAP_M: f64 = 1e-3;
 
 /// Gap at which the palm is seated, metres; larger than what bisection leaves.
 const SEAT_GAP_M: f64 = 5e-5;
@@ -35,15 +43,14 @@ const U_MAX: f64 = 50.0;
 
 /// Seats the palm and wraps the fingers. The contacts, the palm's first, are appended to `contacts`.
 ///
-/// Errors when the palm has no way, a finger stands in the object before it moves, or the opposing finger or all others
-/// touch nothing.
+/// Errors when the hand has no room where it sets out, or the opposing finger or all others touch nothing.
 pub(super) fn wrap(
     scene: &Scene,
     candidate: &Candidate,
     site: &Site,
     contacts: &mut Vec<GraspContact>,
 ) -> Result<Seat, Rejection> {
-    let object_from_palm = seat(scene, site)?;
+    let object_from_palm = seat(scene, candidate, site)?;
     palm_contacts(scene, &object_from_palm, site, contacts)?;
     let mut posture = site.preshape.start;
     let (mut opposing, mut others) = (false, false);
@@ -58,34 +65,59 @@ pub(super) fn wrap(
     if opposing && others { Ok(Seat { object_from_palm, posture }) } else { Err(Rejection::FingerMisses) }
 }
 
-/// Pose of the palm where it touches the object on its way along the approach direction, or where it was when it meets
-/// nothing.
-fn seat(scene: &Scene, site: &Site) -> Result<Isometry3<f64>, Rejection> {
-    let way = site.direction_in_object.into_inner();
-    let at = |way_m: f64| Translation3::from(way * (way_m - SEAT_BACK_M)) * site.object_from_palm;
-    let is_free = |way_m: f64| {
-        palm_clear_of_table(scene, &(scene.base_from_object * at(way_m)))
-            && !palm_cuts_object(scene, &at(way_m))
-    };
-    if !is_free(0.0) {
+/// Whether the hand, drawn back, is free: only from there can it be seated.
+pub(super) fn may_be_seated(scene: &Scene, candidate: &Candidate, site: &Site) -> bool {
+    is_free(scene, candidate, site, -SEAT_BACK_M)
+}
+
+/// Pose of the palm where the open hand meets object or table on its way along the approach direction, or where it was
+/// when it meets nothing.
+fn seat(scene: &Scene, candidate: &Candidate, site: &Site) -> Result<Isometry3<f64>, Rejection> {
+    let mut free_m = -SEAT_BACK_M;
+    if !is_free(scene, candidate, site, free_m) {
         return Err(Rejection::PalmBlocked);
     }
-    // Half a fingertip at a time: nothing that could be held is thinner than that along the palm's whole width.
-    const STEP_M: f64 = 0.005;
-    let mut free_m = 0.0;
     while free_m < SEAT_WAY_M {
-        if is_free(free_m + STEP_M) {
-            free_m += STEP_M;
+        if is_free(scene, candidate, site, free_m + SEAT_STEP_M) {
+            free_m += SEAT_STEP_M;
             continue;
         }
-        let mut blocked_m = free_m + STEP_M;
+        let mut blocked_m = free_m + SEAT_STEP_M;
         while blocked_m - free_m > SEAT_GAP_M {
             let middle_m = 0.5 * (free_m + blocked_m);
-            if is_free(middle_m) { free_m = middle_m } else { blocked_m = middle_m }
+            if is_free(scene, candidate, site, middle_m) { free_m = middle_m } else { blocked_m = middle_m }
         }
-        return Ok(at(free_m));
+        return Ok(advanced(site, free_m));
     }
     Ok(site.object_from_palm)
+}
+
+/// The palm of a site, so far on along the approach direction.
+fn advanced(site: &Site, way_m: f64) -> Isometry3<f64> {
+    Translation3::from(site.direction_in_object.into_inner() * way_m) * site.object_from_palm
+}
+
+/// Whether palm and used fingers, open, are clear of table and object so far along the approach direction; the fingers with
+/// room to begin their closing.
+fn is_free(scene: &Scene, candidate: &Candidate, site: &Site, way_m: f64) -> bool {
+    let object_from_palm = advanced(site, way_m);
+    if !palm_clear_of_table(scene, &(scene.base_from_object * object_from_palm)) {
+        return false;
+    }
+    let turned = matrix(&object_from_palm);
+    let up_in_object = scene.base_from_object.inverse_transform_vector(&Vector3::z());
+    let lowest_m =
+        scene.table_height_m.map(|z_m| z_m + TABLE_CLEARANCE_M - scene.base_from_object.translation.z);
+    let fingers_are_free = candidate.fingers().all(|finger| {
+        let chain = &scene.hand.fingers[finger];
+        let frames = chain.frames(&site.preshape.start);
+        chain.beads().iter().all(|bead| {
+            let center = turned * (frames.palm_from_segment(bead.segment) * bead.center_in_segment);
+            lowest_m.is_none_or(|lowest_m| center.coords.dot(&up_in_object) - bead.radius_m >= lowest_m)
+                && scene.surface.nearest_within(&center, bead.radius_m + FINGER_GAP_M).is_none()
+        })
+    });
+    fingers_are_free && !palm_cuts_object(scene, &object_from_palm)
 }
 
 /// Adds the palm's contacts: of the points of its faces that look along the approach and are within the patch, up to four

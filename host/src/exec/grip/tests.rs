@@ -104,3 +104,27 @@ fn squeeze_asks_for_the_forces_it_was_given() {
     let pressed = base(FingerId::Middle) * (jacobian.transpose().try_inverse().unwrap() * torque);
     assert!((pressed - forces[2].unwrap()).norm() < 1e-9, "{pressed}");
 }
+
+#[test]
+fn a_push_asks_for_its_lever_times_its_force_of_the_drives() {
+    let mut hand = Hand::hit_dlr().unwrap();
+    // The middle finger straight up along palm z; it flexes towards palm x.
+    let grasp = Posture::ZERO;
+    let finger = hand.finger_index("middle").unwrap();
+    let chain = hand.fingers[finger].clone();
+    let frames = chain.frames(&grasp);
+    let bead = chain.beads().last().unwrap();
+    let point_in_palm = frames.palm_from_segment(bead.segment) * bead.center_in_segment;
+    let push = |force_in_palm| LinkPush { finger, segment: bead.segment, point_in_palm, force_in_palm };
+    let share = |hand: &Hand, pushes: &[LinkPush]| torque_share(hand, &grasp, pushes);
+    // Lengths of the links, and drives of 1.3, 1.3 and 0.9 N m; middle and distal joint are one drive.
+    let (flexion_m, middle_m) = (0.0678 + 0.0300 + 0.0270, 0.0300 + 2.0 * 0.0270);
+    let expected = (flexion_m / 1.3_f64).max(middle_m / 0.9);
+    let one = push(Vector3::x());
+    assert!((share(&hand, &[one]) - expected).abs() < 1e-9, "{}", share(&hand, &[one]));
+    assert!((share(&hand, &[one, one, one]) - 3.0 * expected).abs() < 1e-9);
+    // Along the finger a force needs no torque.
+    assert!(share(&hand, &[push(Vector3::z())]) < 1e-9);
+    hand.joints.iter_mut().for_each(|joint| joint.torque_max_nm = 0.0);
+    assert_eq!(share(&hand, &[one]), 0.0);
+}

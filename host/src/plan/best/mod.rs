@@ -1,38 +1,24 @@
 //! The default search: proposals where the body can be held, attempts spent where they pay, the best refined, ranked by
 //! what survives errors of pose, friction and shape.
 pub(super) mod rank;
+mod refine;
+mod uphill;
 
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, RngExt};
-use rand_chacha::ChaCha8Rng;
-use rand_distr::StandardNormal;
 
 use super::attempt::Grasp;
 use super::paper::initial_proposals;
-use super::preshape::{PreshapeTable, tables};
+use super::preshape::tables;
 use super::propose::variants;
 use super::scene::Scene;
-use super::search::{Proposal, SearchResult, SearchSettings, Tried, attempt_rng, perturbed, record, try_all};
-use super::settle::Site;
+use super::search::{Proposal, SearchResult, SearchSettings, Tried, attempt_rng, record, try_all};
 
 /// Share of the attempts that sample the whole object; the rest refines the best of them.
 const SAMPLING_SHARE: f64 = 0.3;
 
 /// Variants of each candidate, drawn anew for each search: preshape and spread as continuous variables.
 const VARIANTS: usize = 3;
-
-/// Grasps of each candidate that the refinement works on at its beginning, so that none is given up for a bad start, and
-/// of all candidates together in its last third.
-const REFINED_EACH: usize = 6;
-const REFINED_LAST: usize = 12;
-
-/// Shift in metres and rotation in radians of a refinement (one standard deviation) at its beginning, small against a
-/// fingertip, and what they have shrunk to at its end.
-const REFINE_SHIFT_M: [f64; 2] = [0.006, 0.0015];
-const REFINE_TURN_RAD: [f64; 2] = [0.15, 0.03];
-
-/// The same for joints that spread or turn a finger, as a share of their range.
-const REFINE_SPREAD: [f64; 2] = [0.08, 0.02];
 
 /// Grasps whose robustness is measured, at least.
 const RANKED: usize = 128;
@@ -80,7 +66,7 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
             break;
         }
     }
-    refine(scene, &tables, settings, &mut kept, &mut result, progress);
+    refine::refine(scene, &tables, settings, kept, &mut result, progress);
     result.rank();
     rank::rank(scene, RANKED.max(settings.ranked), settings.seed, &mut result);
     result
@@ -123,70 +109,6 @@ impl Allotment {
 
 fn epsilon(tried: &Tried) -> f64 {
     tried.outcome.as_ref().map_or(0.0, |grasp| grasp.quality.epsilon_low)
-}
-
-/// Small random motions of palm and spread about the best grasps, smaller and smaller.
-fn refine(
-    scene: &Scene,
-    tables: &[PreshapeTable],
-    settings: &SearchSettings,
-    kept: &mut Vec<Tried>,
-    result: &mut SearchResult,
-    progress: &dyn Fn(usize),
-) {
-    let begin = result.attempts;
-    while result.attempts < settings.attempts && !kept.is_empty() {
-        kept.sort_by(|a, b| epsilon(b).total_cmp(&epsilon(a)));
-        if 3 * (result.attempts - begin) < 2 * (settings.attempts - begin) {
-            let mut of_candidate = vec![0; scene.hand.candidates.len()];
-            kept.retain(|t| {
-                let count = &mut of_candidate[tables[t.candidate].typical()];
-                *count += 1;
-                *count <= REFINED_EACH
-            });
-        } else {
-            kept.truncate(REFINED_LAST);
-        }
-        let first = result.attempts;
-        let proposals: Vec<Proposal> = (first..(first + BATCH).min(settings.attempts))
-            .map(|index| {
-                let mut rng = attempt_rng(settings.seed, index);
-                let done = (index - begin) as f64 / (settings.attempts - begin) as f64;
-                // The best more often than the last: the square of an even number.
-                let place = rng.random_range(0.0..1.0_f64).powi(2) * kept.len() as f64;
-                let from = &kept[(place as usize).min(kept.len() - 1)];
-                let about = from.outcome.as_ref().map_or(scene.center_of_mass, contact_middle);
-                let site = varied(scene, &from.site, &about, done, &mut rng);
-                Proposal::At { candidate: from.candidate, site: Box::new(site) }
-            })
-            .collect();
-        let tried = try_all(scene, tables, &proposals);
-        if record(result, &tried, settings, false, progress) {
-            return;
-        }
-        kept.extend(tried.into_iter().filter(|t| t.outcome.is_ok()));
-    }
-}
-
-/// A site moved a little, its fingers spread a little otherwise; `done` is the share of the refinement behind it.
-fn varied(scene: &Scene, site: &Site, about: &Point3<f64>, done: f64, rng: &mut ChaCha8Rng) -> Site {
-    let now = |[from, to]: [f64; 2]| from * (to / from).powf(done);
-    let mut varied = perturbed(site, about, now(REFINE_SHIFT_M), now(REFINE_TURN_RAD), rng);
-    for (i, joint) in scene.hand.joints.iter().enumerate() {
-        if joint.flexes.is_none() {
-            let preshape = &mut varied.preshape;
-            // A finger's path has to stay inside the limits from end to end.
-            let finger = scene.hand.fingers.iter().position(|f| f.joints().contains(&i)).unwrap_or(0);
-            let ends = [preshape.u_begin[finger], preshape.u_end[finger]].map(|u| u * preshape.rate[i]);
-            let lowest = joint.lower_rad - ends[0].min(ends[1]);
-            let highest = joint.upper_rad - ends[0].max(ends[1]);
-            let by = rng.sample::<f64, _>(StandardNormal)
-                * now(REFINE_SPREAD)
-                * (joint.upper_rad - joint.lower_rad);
-            preshape.start[i] = (preshape.start[i] + by).min(highest).max(lowest);
-        }
-    }
-    varied
 }
 
 /// Mean of the contact points, object frame.

@@ -110,10 +110,15 @@ impl SurfaceQuery {
         let bound_m = match self.read(point) {
             Some(reading) => reading.bound_m(),
             // Outside the cells the upright box is outside the body, if there is one.
-            None if closed => (self.low - point).max(point - self.high).max(ParryVector::ZERO).length(),
+            None if closed => self.from_box_m(point),
             None => -(from_center_m + self.radius_m),
         };
         if closed || from_sphere_m > 0.0 { bound_m.max(from_sphere_m) } else { bound_m }
+    }
+
+    /// Distance from the upright box about the surface, metres; 0 within.
+    fn from_box_m(&self, point: ParryVector) -> f64 {
+        (self.low - point).max(point - self.high).max(ParryVector::ZERO).length()
     }
 
     /// The nearest point of the surface to `point_in_object`.
@@ -130,7 +135,11 @@ impl SurfaceQuery {
     pub fn nearest_within(&self, point_in_object: &Point3<f64>, max_m: f64) -> Option<Nearest> {
         let point = to_parry(&point_in_object.coords);
         let reading = self.read(point);
-        if reading.is_some_and(|reading| reading.bound_m() > max_m) {
+        let is_beyond = match &reading {
+            Some(reading) => reading.bound_m() > max_m,
+            None => self.sides.closed() && self.from_box_m(point) > max_m,
+        };
+        if is_beyond {
             return None;
         }
         let nearest = self.nearest_from(point, reading.map_or(0, |reading| reading.sample.triangle));
