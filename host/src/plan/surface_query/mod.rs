@@ -110,14 +110,14 @@ impl SurfaceQuery {
         let bound_m = match self.read(point) {
             Some(reading) => reading.bound_m(),
             // Outside the cells the upright box is outside the body, if there is one.
-            None if closed => self.from_box_m(point),
+            None if closed => self.outside_box_m(point),
             None => -(from_center_m + self.radius_m),
         };
         if closed || from_sphere_m > 0.0 { bound_m.max(from_sphere_m) } else { bound_m }
     }
 
     /// Distance from the upright box about the surface, metres; 0 within.
-    fn from_box_m(&self, point: ParryVector) -> f64 {
+    fn outside_box_m(&self, point: ParryVector) -> f64 {
         (self.low - point).max(point - self.high).max(ParryVector::ZERO).length()
     }
 
@@ -137,7 +137,7 @@ impl SurfaceQuery {
         let reading = self.read(point);
         let is_beyond = match &reading {
             Some(reading) => reading.bound_m() > max_m,
-            None => self.sides.closed() && self.from_box_m(point) > max_m,
+            None => self.sides.closed() && self.outside_box_m(point) > max_m,
         };
         if is_beyond {
             return None;
