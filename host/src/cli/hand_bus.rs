@@ -41,8 +41,12 @@ pub enum BusCommand {
 /// How to get at the hand.
 #[derive(Debug, Clone, Args)]
 pub struct LinkArgs {
-    /// serial:DEVICE[@BAUD], tcp:HOST:PORT, or qemu[:ELF], which runs the firmware image
-    #[arg(long, value_name = "LINK")]
+    /// Where the hand is.
+    #[arg(
+        long,
+        value_name = "LINK",
+        help = "serial:DEVICE[@BAUD], tcp:HOST:PORT, or qemu[:ELF], which runs the firmware image"
+    )]
     pub link: LinkAddress,
     /// Print JSON on standard output
     #[arg(long)]
