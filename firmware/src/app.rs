@@ -137,8 +137,8 @@ impl Controller {
         }
     }
 
-    /// Takes over parameters that were kept. Before the first control period.
-    pub fn restore(&mut self, parameters: &Parameters) {
+    /// Takes over parameters, as those that were kept, while no drive has torque.
+    pub fn set_parameters(&mut self, parameters: &Parameters) {
         self.parameters = *parameters;
         self.settings = self.parameters.settings(&self.model, self.identity.period_us);
     }

@@ -3,7 +3,7 @@
 use protocol::blackbox::Record;
 use protocol::fault::{Code, Refusal};
 use protocol::ids::JointId;
-use protocol::service::{Answer, BlackBox, Call, Hello, Reply};
+use protocol::service::{Answer, BlackBox, Call, Hello, Reply, Request};
 use protocol::telemetry::JointSet;
 
 use super::Controller;
@@ -18,23 +18,23 @@ impl Controller {
         // The state comes before the reply, as they were asked for.
         self.report_if_due();
         let Some(request) = self.session.take_request() else { return };
-        if request.call == Call::ParameterSave
-            && let Ok(()) = self.may_save()
-        {
-            // Answered when the board has done it.
-            self.save = Some((request.id, false));
-            return;
-        }
         let mut record = [0; Record::LEN];
-        let answer = self
-            .answer(&request.call, &mut record)
-            .unwrap_or_else(|refusal| Answer::Refused(Code::from(refusal)));
+        let answer = match self.answer(&request, &mut record) {
+            Ok(Some(answer)) => answer,
+            Ok(None) => return,
+            Err(refusal) => Answer::Refused(Code::from(refusal)),
+        };
         self.session.reply(&Reply { id: request.id, answer });
     }
 
-    fn answer<'a>(&mut self, call: &Call, record: &'a mut [u8; Record::LEN]) -> Result<Answer<'a>, Refusal> {
+    /// The answer; `None` when it comes later.
+    fn answer<'a>(
+        &mut self,
+        request: &Request,
+        record: &'a mut [u8; Record::LEN],
+    ) -> Result<Option<Answer<'a>>, Refusal> {
         let torque_off = || if self.supervisor.has_torque() { Err(Refusal::TorqueOn) } else { Ok(()) };
-        Ok(match *call {
+        Ok(Some(match request.call {
             Call::Hello => Answer::Hello(Hello {
                 firmware: env!("CARGO_PKG_VERSION"),
                 protocol: protocol::frame::VERSION,
@@ -46,8 +46,9 @@ impl Controller {
             Call::ParameterGet { index } => Answer::Parameter(self.parameters.get(index)?),
             Call::ParameterSet { index, value } => {
                 torque_off()?;
-                self.parameters.set(index, value)?;
-                self.settings = self.parameters.settings(&self.model, self.identity.period_us);
+                let mut parameters = self.parameters;
+                parameters.set(index, value)?;
+                self.set_parameters(&parameters);
                 Answer::Parameter(value)
             }
             Call::SensorZero { joints } => {
@@ -69,26 +70,23 @@ impl Controller {
                 Answer::Record(record)
             }
             Call::Link => Answer::Link(*self.session.counters()),
-            Call::ParameterSave => self.may_save().map(|()| Answer::Done)?,
+            Call::ParameterSave => {
+                torque_off()?;
+                if !self.identity.has_storage {
+                    return Err(Refusal::NoStorage);
+                } else if self.save.is_some() {
+                    return Err(Refusal::Busy);
+                }
+                // Answered when the board has done it.
+                self.save = Some((request.id, false));
+                return Ok(None);
+            }
             Call::ParameterDefaults => {
                 torque_off()?;
-                self.parameters = Parameters::default();
-                self.settings = self.parameters.settings(&self.model, self.identity.period_us);
+                self.set_parameters(&Parameters::default());
                 Answer::Done
             }
-        })
-    }
-
-    fn may_save(&self) -> Result<(), Refusal> {
-        if self.supervisor.has_torque() {
-            Err(Refusal::TorqueOn)
-        } else if !self.identity.has_storage {
-            Err(Refusal::NoStorage)
-        } else if self.save.is_some() {
-            Err(Refusal::Busy)
-        } else {
-            Ok(())
-        }
+        }))
     }
 
     /// Takes the present readings of these strain gauges as zero; all of them or none.

@@ -32,7 +32,7 @@ const NO_FLASH: u32 = 3;
 
 #[entry]
 fn main() -> ! {
-    let stack = StackPaint::apply();
+    let figures = started_with("figures").then(StackPaint::apply);
     let Some(controller) = singleton!(: Controller = Controller::new(IDENTITY)) else { exit(NO_CONTROLLER) };
     // Of a static whose address it knows the compiler builds the address of every field anew, three instructions each;
     // behind a pointer a field is one.
@@ -40,7 +40,7 @@ fn main() -> ! {
     if started_with("lock-step") {
         control(controller);
     }
-    if started_with("figures") {
+    if let Some(stack) = figures {
         let mut console = Console::open();
         let reported =
             figures::report(&InstructionCounter::start(), controller, IDENTITY.period_us, &mut console)
@@ -57,7 +57,7 @@ fn control(controller: &mut Controller) -> ! {
     let Some(Ok(mut storage)) = FileFlash::open().map(Storage::new) else { exit(NO_FLASH) };
     // A flash that cannot be read leaves the defaults.
     if let Ok(parameters) = storage.load() {
-        controller.restore(&parameters);
+        controller.set_parameters(&parameters);
     }
     let mut bench = Bench::open();
     while let Some(frame) = bench.read() {

@@ -159,27 +159,27 @@ fn params(args: &ParamsArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         all.iter().find(|parameter| parameter.name == name).ok_or_else(|| anyhow!("no parameter {name:?}"))
     };
     // All of them are looked at before any is changed.
-    let mut changes = Vec::new();
+    let mut changes: Vec<(&Parameter, Value)> = Vec::new();
     let mut shown = Vec::new();
     for text in &args.parameters {
         let (name, value) = text.split_once('=').map_or((&**text, None), |(name, value)| (name, Some(value)));
         let parameter = find(name)?;
         if let Some(value) = value {
-            changes.push((parameter.index, parse(parameter, value)?));
+            changes.push((parameter, parse(parameter, value)?));
         }
         shown.push(parameter.index);
     }
     if args.defaults {
         hand.default_parameters()?;
     }
-    for (index, value) in changes {
-        let name = all.get(usize::from(index)).map_or("", |parameter| &parameter.name);
-        hand.set_parameter(index, value).with_context(|| name.to_owned())?;
+    for (parameter, value) in &changes {
+        hand.set_parameter(parameter.index, *value).with_context(|| parameter.name.clone())?;
     }
     if args.save {
         hand.save_parameters()?;
     }
-    let mut now = hand.parameters()?;
+    let is_changed = args.defaults || !changes.is_empty();
+    let mut now = if is_changed { hand.parameters()? } else { all };
     if !shown.is_empty() {
         now.retain(|parameter| shown.contains(&parameter.index));
     }

@@ -98,15 +98,17 @@ impl HandClient {
     /// # Errors
     /// The line breaks, no answer comes, the hand refuses, or `read` does not know the answer.
     pub fn call<T>(&mut self, call: Call, read: impl Fn(&Answer<'_>) -> Option<T>) -> Result<T, ClientError> {
+        let mut ids = Vec::with_capacity(TRIES);
         for _ in 0..TRIES {
             let (id, bytes) = self.end.request(call);
+            ids.push(id);
             self.port.send(&bytes)?;
             while let Some(heard) = self.hear()? {
                 for heard in heard {
                     let Heard::Reply(bytes) = heard else { continue };
                     // An answer to an earlier try says the same, for asking twice does nothing more.
                     let Ok(Reply { answer, id: of }) = Reply::decode(&bytes) else { continue };
-                    if of != id {
+                    if !ids.contains(&of) {
                         continue;
                     }
                     return match answer {
