@@ -7,10 +7,12 @@ use clap::{Args, Subcommand};
 use serde_json::{Value, json};
 
 use super::hand_bus::{self, BusCommand};
+use super::hand_file::Read;
 use super::{Outcome, hand_file, input, write_json};
 use crate::hand::finger::Motion;
 use crate::hand::urdf::Loaded;
 use crate::hand::{Candidate, Finger, Hand, Joint, Part};
+use crate::plan::document::{Pose, posture};
 
 /// Look at a hand's description, or talk to a hand
 #[derive(Debug, Clone, Args)]
@@ -56,12 +58,12 @@ pub fn run(args: &HandCommandArgs, out: &mut dyn Write) -> anyhow::Result<Outcom
         HandCommand::Show(args) => args,
         HandCommand::Bus(command) => return hand_bus::run(command, out),
     };
-    let (loaded, lines) = hand_file::load(&args.file, args.hand_config.as_deref(), &args.package_path)?;
+    let read = hand_file::load(&args.file, args.hand_config.as_deref(), &args.package_path)?;
     if args.json {
-        write_json(out, &document(&loaded))?;
+        write_json(out, &document(&read))?;
     } else {
-        input::warn(args.file.display(), &loaded.warnings);
-        describe(&loaded, &lines, out)?;
+        input::warn(args.file.display(), &read.loaded.warnings);
+        describe(&read.loaded, &read.lines(), out)?;
     }
     Ok(Outcome::Done)
 }
@@ -135,9 +137,10 @@ fn describe(loaded: &Loaded, lines: &[String], out: &mut dyn Write) -> std::io::
 
 fn role(hand: &Hand, index: usize, joint: &Joint) -> String {
     let way = match joint.flexes {
+        // Whatever else it could do.
+        _ if joint.is_held => "is held",
         Some(true) => "closes upwards",
         Some(false) => "closes downwards",
-        None if joint.is_held => "is held",
         None => "spreads or turns",
     };
     let of: Vec<&str> = hand
@@ -181,28 +184,20 @@ fn opening_m(hand: &Hand, candidate: &Candidate, s: f64) -> f64 {
     (tip(candidate.opposing) - mean).norm() - 2.0 * hand.fingers[candidate.opposing].tip_radius_m()
 }
 
-fn document(loaded: &Loaded) -> Value {
+fn document(read: &Read) -> Value {
+    let loaded = &read.loaded;
     let hand = &loaded.hand;
-    let posture = |posture: &crate::hand::Posture| -> serde_json::Map<String, Value> {
-        hand.joints.iter().enumerate().map(|(i, joint)| (joint.name.clone(), json!(posture[i]))).collect()
-    };
-    let pose = |pose: &nalgebra::Isometry3<f64>| {
-        let q = pose.rotation;
-        json!({
-            "position_m": <[f64; 3]>::from(pose.translation.vector),
-            "orientation_wxyz": [q.w, q.i, q.j, q.k],
-        })
-    };
     json!({
         "name": hand.name,
+        "config": read.config.as_ref().map(|config| config.display().to_string()),
         "sha256": hand.sha256,
         "palm_link": loaded.palm_link,
-        "link_from_palm": pose(&loaded.link_from_palm),
-        "flange_from_palm": pose(&loaded.flange_from_palm),
+        "link_from_palm": Pose::from(&loaded.link_from_palm),
+        "flange_from_palm": Pose::from(&loaded.flange_from_palm),
         "pressing_in_palm": <[f64; 3]>::from(hand.pressing_in_palm.into_inner()),
         "grasp_center_in_palm": <[f64; 3]>::from(hand.grasp_center_in_palm.coords),
         "palm": hand.palm.iter().map(|part| json!({
-            "palm_from_box": pose(&part.palm_from_box),
+            "palm_from_box": Pose::from(&part.palm_from_box),
             "half_extents_m": <[f64; 3]>::from(part.half_extents_m),
         })).collect::<Vec<_>>(),
         "mass_kg": hand.mass_kg,
@@ -236,8 +231,8 @@ fn document(loaded: &Loaded) -> Value {
         "candidates": hand.candidates.iter().map(|candidate| json!({
             "name": candidate.name,
             "fingers": candidate.fingers().map(|f| hand.fingers[f].name.clone()).collect::<Vec<_>>(),
-            "open": posture(&candidate.open),
-            "preshape": posture(&candidate.posture_at(&hand.joints, 1.0)),
+            "open": posture(hand, &candidate.open),
+            "preshape": posture(hand, &candidate.posture_at(&hand.joints, 1.0)),
             "opening_m": ([0.0, 1.0, 2.0].map(|s| opening_m(hand, candidate, s))),
             "wraps": candidate.wraps,
         })).collect::<Vec<_>>(),

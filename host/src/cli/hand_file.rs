@@ -61,7 +61,8 @@ impl HandArgs {
             );
             return Ok(Chosen { hand: Hand::hit_dlr()?, loaded: None, lines: Vec::new() });
         };
-        let (loaded, lines) = load(path, self.hand_config.as_deref(), &self.package_path)?;
+        let read = load(path, self.hand_config.as_deref(), &self.package_path)?;
+        let (lines, loaded) = (read.lines(), read.loaded);
         if loaded.hand.candidates.is_empty() {
             return Err(HandError { file: path.clone(), problem: Problem::NoCandidate }.into());
         }
@@ -70,30 +71,40 @@ impl HandArgs {
     }
 }
 
-/// Reads a description with its TOML file, and says in lines what it is.
-pub(super) fn load(
-    path: &Path,
-    config: Option<&Path>,
-    package_paths: &[PathBuf],
-) -> anyhow::Result<(Loaded, Vec<String>)> {
-    let beside = path.with_extension("toml");
-    let config = config.or_else(|| beside.is_file().then_some(beside.as_path()));
-    let overrides = config.map(Overrides::load).transpose()?;
-    let loaded = urdf::load(path, overrides.as_ref(), package_paths)?;
-    let hand = &loaded.hand;
-    let names: Vec<&str> = hand.fingers.iter().map(|finger| finger.name.as_str()).collect();
-    let mut lines = vec![format!(
-        "hand: {}, {} fingers ({}), {} independent joint(s), {} typical grasp(s)",
-        hand.name,
-        names.len(),
-        names.join(", "),
-        hand.joints.len(),
-        hand.candidates.len()
-    )];
-    if let Some(config) = config {
-        lines.push(format!("hand: with {}", config.display()));
+/// A description that was read with its TOML file.
+pub(super) struct Read {
+    pub(super) loaded: Loaded,
+    /// The TOML file: as asked for, or the one that lies beside the description.
+    pub(super) config: Option<PathBuf>,
+}
+
+impl Read {
+    /// What it is, in lines.
+    pub(super) fn lines(&self) -> Vec<String> {
+        let hand = &self.loaded.hand;
+        let names: Vec<&str> = hand.fingers.iter().map(|finger| finger.name.as_str()).collect();
+        let mut lines = vec![format!(
+            "hand: {}, {} fingers ({}), {} independent joint(s), {} typical grasp(s)",
+            hand.name,
+            names.len(),
+            names.join(", "),
+            hand.joints.len(),
+            hand.candidates.len()
+        )];
+        if let Some(config) = &self.config {
+            lines.push(format!("hand: with {}", config.display()));
+        }
+        lines
     }
-    Ok((loaded, lines))
+}
+
+/// Reads a description with its TOML file.
+pub(super) fn load(path: &Path, config: Option<&Path>, package_paths: &[PathBuf]) -> anyhow::Result<Read> {
+    let beside = path.with_extension("toml");
+    let config = config.map(Path::to_owned).or_else(|| beside.is_file().then_some(beside));
+    let overrides = config.as_deref().map(Overrides::load).transpose()?;
+    let loaded = urdf::load(path, overrides.as_ref(), package_paths)?;
+    Ok(Read { loaded, config })
 }
 
 impl Chosen {

@@ -8,12 +8,12 @@
 use nalgebra::{Isometry3, Point3, Translation3, Unit, Vector3};
 
 use super::approach::{palm_clear_of_table, palm_cuts_object};
-use super::attempt::{GraspContact, Rejection, Seat, contact_at};
+use super::attempt::{GraspContact, Rejection, Seat, contact_at, keeps_touch};
 use super::closing::{Closing, Way, advance, matrix};
 use super::preshape::any_across;
 use super::scene::{Scene, TABLE_CLEARANCE_M};
 use super::settle::Site;
-use crate::hand::{Candidate, Finger, Part, Posture};
+use crate::hand::{Candidate, Finger, MAX_FINGERS, Part, Posture};
 
 /// How far the palm is drawn back before it is seated, and how far beyond its site it may then go, metres: from where its
 /// tips would meet, as in a precision grasp, a palm has about a finger's length to go.
@@ -43,7 +43,8 @@ const U_MAX: f64 = 50.0;
 
 /// Seats the palm and wraps the fingers. The contacts, the palm's first, are appended to `contacts`.
 ///
-/// Errors when the hand has no room where it sets out, or the opposing finger or all others touch nothing.
+/// Errors when the hand has no room where it sets out, or the opposing finger or all others touch nothing, or a drive that
+/// a finger shares takes it off what it touched.
 pub(super) fn wrap(
     scene: &Scene,
     candidate: &Candidate,
@@ -54,6 +55,7 @@ pub(super) fn wrap(
     palm_contacts(scene, &object_from_palm, site, contacts)?;
     let mut posture = site.preshape.start;
     let (mut opposing, mut others) = (false, false);
+    let mut touching = [None; MAX_FINGERS];
     for finger in candidate.fingers() {
         let touched = wrap_finger(scene, candidate, finger, &object_from_palm, &mut posture, contacts)?;
         if finger == candidate.opposing {
@@ -61,6 +63,13 @@ pub(super) fn wrap(
         } else {
             others |= touched;
         }
+        touching[finger] = touched.then_some(posture);
+    }
+    let is_kept = |(finger, touching): (usize, &Option<Posture>)| {
+        touching.as_ref().is_none_or(|touching| keeps_touch(&scene.hand, finger, touching, &posture))
+    };
+    if !touching.iter().enumerate().all(is_kept) {
+        return Err(Rejection::FingerMisses);
     }
     if opposing && others { Ok(Seat { object_from_palm, posture }) } else { Err(Rejection::FingerMisses) }
 }

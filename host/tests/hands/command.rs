@@ -73,6 +73,14 @@ fn a_hand_is_shown_in_words_and_as_json() {
     let document: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(document["fingers"].as_array().unwrap().len(), 4);
     assert_eq!(document["joints"][0]["closes"], "none");
+    assert!(document["config"].is_null() && document["link_from_palm"]["position"].is_array());
+    // A joint that could close and is held, by a file beside the description.
+    std::fs::copy(model(FOUR), here.path().join("mine.urdf")).unwrap();
+    std::fs::write(here.path().join("mine.toml"), "held = [\"ring_j2\"]\n").unwrap();
+    let (_, out, _) = prehend(here.path(), &["hand", "show", "mine.urdf"]);
+    assert!(out.contains("hand: with mine.toml") && out.contains("is held: ring"), "{out}");
+    let (_, json, _) = prehend(here.path(), &["hand", "show", "mine.urdf", "--json"]);
+    assert_eq!(serde_json::from_str::<Value>(&json).unwrap()["config"], "mine.toml");
 }
 
 #[test]

@@ -6,7 +6,7 @@ use nalgebra::{Matrix4, Vector3};
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-use crate::{FIVE, FOUR, THREE, loaded, model, random_posture};
+use crate::{FIVE, FOUR, JAWS, THREE, loaded, model, random_posture};
 
 /// Rotation about a unit axis (Rodrigues), and roll, pitch and yaw, as matrices written out.
 fn turned(axis: [f64; 3], angle: f64) -> Matrix4<f64> {
@@ -49,7 +49,7 @@ fn root_from(robot: &urdf_rs::Robot, link: &str, values: &BTreeMap<String, f64>)
 #[test]
 fn links_stand_where_another_reader_puts_them() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    for name in [THREE, FOUR, FIVE] {
+    for name in [THREE, FOUR, FIVE, JAWS] {
         let robot = urdf_rs::read_file(model(name)).unwrap();
         let loaded = loaded(name);
         let hand = &loaded.hand;

@@ -22,6 +22,8 @@ const THREE: &str = "three_finger.urdf";
 const FOUR: &str = "four_finger.urdf";
 /// Five fingers with six drives, meshes by relative, `file://` and `package://` paths.
 const FIVE: &str = "five_finger/urdf/five_finger.urdf";
+/// Two jaws that slide on one drive.
+const JAWS: &str = "parallel_gripper.urdf";
 
 fn model(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("tests/hands/models").join(name)

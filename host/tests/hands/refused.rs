@@ -315,6 +315,20 @@ fn a_mesh_that_is_a_directory_or_garbage_is_named() {
         let error = from_str(&text, folder.path(), None, &[]).unwrap_err().to_string();
         assert!(error.starts_with(words), "{error}");
     }
+    // A triangle, and one without area.
+    let flawed = "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0.1\nv 0.05 0 0\nf 1 2 3\nf 1 4 2\n";
+    std::fs::write(folder.path().join("flawed.obj"), flawed).unwrap();
+    let scaled = |scale: &str| {
+        let mesh = format!("<mesh filename=\"flawed.obj\" scale=\"{scale}\"/>");
+        from_str(&GRIPPER.replacen("<box size=\"0.14 0.06 0.05\"/>", &mesh, 1), folder.path(), None, &[])
+    };
+    let warnings = scaled("0.5 0.5 0.5").unwrap().warnings;
+    assert!(
+        warnings.iter().any(|w| w == "link 'palm': flawed.obj: 1 faces without area were dropped"),
+        "{warnings:?}"
+    );
+    assert_eq!(scaled("1 0 0").unwrap_err().to_string(), "link 'palm': a mesh without extent");
+    assert_eq!(scaled("1e308 1e308 1e309").unwrap_err().to_string().lines().count(), 1);
     // A package outside the folders above is found by its path.
     let text = std::fs::read_to_string(model(FIVE)).unwrap();
     let moved = folder.path().join("moved.urdf");

@@ -64,7 +64,8 @@ pub(super) fn shapes(
                     Form::Capsule { radius_m: *radius_m, length_m: *length_m }
                 }
                 Solid::Mesh { uri, scale } => {
-                    Form::Mesh { uri: uri.clone(), mesh: files.mesh(&element.name, uri, scale)? }
+                    let mesh = files.mesh(&element.name, uri, scale, warnings)?;
+                    Form::Mesh { uri: uri.clone(), mesh }
                 }
             };
             placed.push(Placed { link: *link, body_from_shape: body_from_link * link_from_shape, body });

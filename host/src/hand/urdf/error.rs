@@ -8,6 +8,7 @@ use super::description::MAX_LINKS;
 use crate::hand::finger::FingerError;
 use crate::hand::{MAX_FINGERS, MAX_JOINTS};
 use crate::io::IoError;
+use crate::surface::MeshError;
 
 /// A description that makes no hand: one line that names the file, and in it the link or joint.
 #[derive(Debug, Error)]
@@ -237,6 +238,16 @@ pub enum Problem {
         link: String,
         /// Why not.
         source: Box<IoError>,
+    },
+    /// A mesh that its scale takes out of the numbers.
+    #[error("link '{link}': '{uri}' in its scale: {source}")]
+    Scaled {
+        /// The link.
+        link: String,
+        /// Path or URI as written.
+        uri: String,
+        /// What became of it.
+        source: MeshError,
     },
     /// A solid of no size.
     #[error("link '{link}': a {shape} without extent")]

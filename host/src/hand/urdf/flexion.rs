@@ -48,34 +48,46 @@ pub(super) fn find(
             warnings.push(format!("joint '{}' closes one finger as it opens another", joint.name));
         }
         joint.flexes = votes[i].first().map(|vote| if sum == 0.0 { *vote > 0.0 } else { sum > 0.0 });
-        let uses = fingers.iter().filter(|finger| finger.joints().contains(&i)).count();
-        joint.is_held = uses > 1 && joint.flexes.is_none();
     }
-    apply(joints, overrides)?;
+    // What a person says of closing counts when it is asked which joints only spread.
+    override_flexion(joints, overrides)?;
+    for (i, joint) in joints.iter_mut().enumerate() {
+        joint.is_held = users(fingers, i) > 1 && joint.flexes.is_none();
+    }
+    override_held(joints, overrides)?;
     let signed: Vec<Finger> = fingers.drain(..).map(|finger| with_pad(finger, joints, &middle)).collect();
     fingers.extend(signed);
     Ok(())
 }
 
-fn apply(joints: &mut [Joint], overrides: &Overrides) -> Result<(), Problem> {
-    let named = |joints: &[Joint], key: &str, name: &str| {
-        joints.iter().position(|joint| joint.name == name).ok_or_else(|| Problem::Unknown {
-            key: key.to_owned(),
-            what: "joint that moves a finger by itself named",
-            name: name.to_owned(),
-        })
-    };
+/// How many fingers use a joint.
+pub(super) fn users(fingers: &[Finger], joint: usize) -> usize {
+    fingers.iter().filter(|finger| finger.joints().contains(&joint)).count()
+}
+
+/// The independent joint that a key of the overrides names.
+fn named<'j>(joints: &'j mut [Joint], key: &str, name: &str) -> Result<&'j mut Joint, Problem> {
+    joints.iter_mut().find(|joint| joint.name == name).ok_or_else(|| Problem::Unknown {
+        key: key.to_owned(),
+        what: "joint that moves a finger by itself named",
+        name: name.to_owned(),
+    })
+}
+
+fn override_flexion(joints: &mut [Joint], overrides: &Overrides) -> Result<(), Problem> {
     for (name, flexion) in &overrides.flexion {
-        let joint = named(joints, "flexion", name)?;
-        joints[joint].flexes = match flexion {
+        named(joints, "flexion", name)?.flexes = match flexion {
             Flexion::Upper => Some(true),
             Flexion::Lower => Some(false),
             Flexion::None => None,
         };
     }
+    Ok(())
+}
+
+fn override_held(joints: &mut [Joint], overrides: &Overrides) -> Result<(), Problem> {
     for name in &overrides.held {
-        let joint = named(joints, "held", name)?;
-        joints[joint].is_held = true;
+        named(joints, "held", name)?.is_held = true;
     }
     Ok(())
 }

@@ -34,8 +34,7 @@ impl State {
 /// Joints that several fingers share and that do not close them: set once for all.
 pub(super) fn shared(joints: &[Joint], fingers: &[Finger]) -> Vec<usize> {
     (0..joints.len())
-        .filter(|joint| joints[*joint].flexes.is_none())
-        .filter(|joint| fingers.iter().filter(|finger| finger.joints().contains(joint)).count() > 1)
+        .filter(|&joint| joints[joint].flexes.is_none() && flexion::users(fingers, joint) > 1)
         .collect()
 }
 

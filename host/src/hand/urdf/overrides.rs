@@ -110,7 +110,9 @@ impl Overrides {
     /// [`Problem`] as [`Overrides::load`].
     pub fn parse(text: &str) -> Result<Self, Problem> {
         let overrides: Self = toml::from_str(text).map_err(|error| {
-            let line = error.span().map(|span| 1 + text[..span.start.min(text.len())].matches('\n').count());
+            // By bytes: a span need not begin at a character.
+            let line_of = |at: usize| 1 + text.bytes().take(at).filter(|byte| *byte == b'\n').count();
+            let line = error.span().map(|span| line_of(span.start));
             let message = error.message().replace('\n', " ");
             Problem::Toml(line.map_or_else(|| message.clone(), |line| format!("line {line}: {message}")))
         })?;

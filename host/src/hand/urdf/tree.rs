@@ -154,28 +154,10 @@ impl Tree {
         leaves
     }
 
-    /// The deepest body that carries all of some bodies.
+    /// The deepest body that carries all of some bodies: a body's first link carries all its others.
     pub(super) fn common_ancestor(&self, of: &[usize]) -> usize {
-        let path = |mut body: usize| {
-            let mut path = vec![body];
-            while let Some(connection) = &self.bodies[body].joint {
-                body = connection.parent;
-                path.push(body);
-            }
-            path.reverse();
-            path
-        };
-        let paths: Vec<Vec<usize>> = of.iter().map(|&body| path(body)).collect();
-        let mut common = 0;
-        let longest = paths.iter().map(Vec::len).min().unwrap_or(0);
-        for depth in 0..longest {
-            let body = paths[0][depth];
-            if paths.iter().any(|path| path[depth] != body) {
-                break;
-            }
-            common = body;
-        }
-        common
+        let first_links: Vec<usize> = of.iter().map(|&body| self.bodies[body].links[0].0).collect();
+        self.common_link(&first_links).map_or(0, |link| self.body_of[link])
     }
 
     /// The palm: where the chains part that are short enough for fingers.
@@ -215,17 +197,19 @@ impl Tree {
 
     /// The deepest link that carries all of some links.
     pub(super) fn common_link(&self, of: &[usize]) -> Option<usize> {
-        let above = |mut link: usize| {
+        let from_root = |mut link: usize| {
             let mut path = vec![link];
             while let Some(parent) = self.parent_link[link] {
                 path.push(parent);
                 link = parent;
             }
+            path.reverse();
             path
         };
-        let (first, others) = of.split_first()?;
-        let others: Vec<Vec<usize>> = others.iter().map(|&link| above(link)).collect();
-        above(*first).into_iter().find(|link| others.iter().all(|path| path.contains(link)))
+        let paths: Vec<Vec<usize>> = of.iter().map(|&link| from_root(link)).collect();
+        let (first, others) = paths.split_first()?;
+        let is_common = |depth: usize| others.iter().all(|path| path.get(depth) == first.get(depth));
+        (0..first.len()).take_while(|&depth| is_common(depth)).last().map(|depth| first[depth])
     }
 
     /// Whether `link` is `ancestor` or hangs on it.

@@ -17,6 +17,10 @@ const PAD_COSINE_MIN: f64 = 0.26;
 /// The same for the tip, whose rubber is a cap: its front half and ten degrees more.
 const TIP_COSINE_MIN: f64 = -0.17;
 
+/// How far a tip may be from where it touched because another finger has the same drive, metres: what settling the palm
+/// leaves, which ends when half of what one finger touches sooner than the others is below a millimetre.
+const ONE_DRIVE_M: f64 = 2.0e-3;
+
 /// How the fingers of an attempt ended; the searches move the palm by it until all touch together.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Closed {
@@ -63,6 +67,12 @@ pub(super) fn touch_with_tips(
             Some(Closing::StartsInside) => return Err(Rejection::FingerInObject),
         }
     }
+    let is_kept = |(finger, touch): (usize, Touch)| {
+        keeps_touch(&scene.hand, finger, &site.preshape.with_finger_at(touch.u), grasp)
+    };
+    if !closed.touches().all(is_kept) {
+        return Err(Rejection::FingerMisses);
+    }
     if !closed.touches().all(|(_, touch)| on_rubber(&touch)) {
         return Err(Rejection::NotOnPad);
     }
@@ -73,6 +83,17 @@ pub(super) fn touch_with_tips(
         touches.push(GraspContact { finger: Some(finger), bead: touch.bead, contact });
     }
     Ok(())
+}
+
+/// Whether a finger that touched in one posture still does, within [`ONE_DRIVE_M`], in the hand's: a drive that closes
+/// several fingers stands where one of them touched. Always so of a finger that has its drives to itself.
+pub(in super::super) fn keeps_touch(hand: &Hand, finger: usize, touching: &Posture, taken: &Posture) -> bool {
+    let chain = &hand.fingers[finger];
+    if chain.joints().iter().all(|&joint| touching[joint] == taken[joint]) {
+        return true;
+    }
+    let tip = |posture: &Posture| chain.tip_in_palm(&chain.frames(posture));
+    (tip(taken) - tip(touching)).norm() <= ONE_DRIVE_M
 }
 
 /// Whether a finger touches with what is made for it.

@@ -24,7 +24,6 @@ pub(super) fn patterns(fingers: usize, along: impl Fn(usize) -> f64) -> Vec<Patt
             sets.push(vec![others[0], others[n - 1]]);
         }
     }
-    sets.dedup();
     let mut patterns = Vec::new();
     for set in sets {
         patterns.push(Pattern { others: set.clone(), around_rad: None });

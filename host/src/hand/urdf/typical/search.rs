@@ -14,6 +14,9 @@ const OPENINGS: [f64; 2] = [0.25, 0.45];
 const DISTANCE_M: f64 = 0.03;
 pub(super) const HEIGHT_M: f64 = 0.02;
 
+/// Most places of a finger's first turning joint; the best start is kept for each.
+const BUCKETS: usize = 5;
+
 /// What does not change while candidates with one opposing finger are looked for.
 pub(super) struct Search<'a> {
     pub(super) joints: &'a [Joint],
@@ -72,7 +75,7 @@ impl<'a> Search<'a> {
     fn states(&self, finger: usize, setting: &Posture) -> Vec<(usize, State)> {
         let chain = &self.fingers[finger];
         let turning = turning(self.joints, chain, &self.shared);
-        let n = if turning.len() < 3 { 5 } else { 3 };
+        let n = if turning.len() < 3 { BUCKETS } else { 3 };
         let mut turned: Vec<(usize, Posture)> = vec![(0, *setting)];
         for (k, &joint) in turning.iter().take(3).enumerate() {
             let values = places(&self.joints[joint], n);
@@ -125,7 +128,7 @@ impl<'a> Search<'a> {
         };
         let states: Vec<Vec<(usize, State)>> = (0..self.fingers.len()).map(of_finger).collect();
         let one_drive = self.one_drive();
-        let mut best: Vec<Vec<Option<(f64, Posture, f64)>>> = vec![vec![None; 5]; patterns.len()];
+        let mut best: Vec<Vec<Option<(f64, Posture, f64)>>> = vec![vec![None; BUCKETS]; patterns.len()];
         for (bucket, own) in &states[self.opposing] {
             let slant = own.pad.dot(&self.lateral).powi(2);
             // Turned away from the others: nothing stands against it.
@@ -167,7 +170,7 @@ impl<'a> Search<'a> {
                         }
                     }
                     cost += 0.3 * (aside_m / DISTANCE_M).powi(2).min(4.0);
-                    let slot = &mut best[index][(*bucket).min(4)];
+                    let slot = &mut best[index][*bucket];
                     if cost.is_finite() && slot.as_ref().is_none_or(|(least, ..)| cost < *least) {
                         *slot = Some((cost, posture, opening_m));
                     }
@@ -181,8 +184,9 @@ impl<'a> Search<'a> {
 
     /// Joints that close more than one finger.
     fn one_drive(&self) -> Vec<usize> {
-        let count = |joint: usize| self.fingers.iter().filter(|f| f.joints().contains(&joint)).count();
-        (0..self.joints.len()).filter(|&j| self.joints[j].flexes.is_some() && count(j) > 1).collect()
+        (0..self.joints.len())
+            .filter(|&joint| self.joints[joint].flexes.is_some() && flexion::users(self.fingers, joint) > 1)
+            .collect()
     }
 
     /// What is wrong with a finger's state against an opposing one: 0 nothing.

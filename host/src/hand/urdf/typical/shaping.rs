@@ -72,9 +72,9 @@ impl Search<'_> {
         if preshape_faces < FACING_MIN {
             return None;
         }
-        let mut begin = (0..=9).map(|k| 0.1 * f64::from(k)).find(|&t| {
-            self.stand(pattern, &(open + way * t), None).1 >= FACING_OPEN_MIN.min(preshape_faces)
-        })?;
+        let mut begin = (0..=9)
+            .map(|k| 0.1 * f64::from(k))
+            .find(|&t| self.stand(pattern, &(open + way * t), None).1 >= FACING_OPEN_MIN)?;
         while begin < 0.85
             && self.stand(pattern, &(open + way * (begin + 0.05)), None).0
                 >= self.stand(pattern, &(open + way * begin), None).0
