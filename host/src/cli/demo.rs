@@ -15,7 +15,9 @@ use super::plan::Strategy;
 use super::planning::Planned;
 use super::progress::{bar, spinner};
 use super::scan::Sweeps;
-use super::{Outcome, execute, reconstruct as reconstruct_command, scan as scan_command, write_json};
+use super::{
+    Outcome, execute, reconstruct as reconstruct_command, scan as scan_command, write_json, write_json_file,
+};
 use crate::exec::{Execution, Verdict};
 use crate::grasp::Contact;
 use crate::io::{Unit, read_mesh, write_atomically, write_cloud, write_mesh};
@@ -118,10 +120,7 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let seen = SeenSurface::of_cloud(&scan.cloud.points, surface.report.spacing_m);
     let (scene, planned) = plan(args, &object, mesh, seen)?;
     let document = &planned.document;
-    write_atomically(&file("plan.json"), |writer| {
-        serde_json::to_writer_pretty(&mut *writer, document)?;
-        writeln!(writer)
-    })?;
+    write_json_file(&file("plan.json"), document)?;
     let plan_s = clock.elapsed().as_secs_f64();
     write!(report, "3 plan         ")?;
     planned.describe(&mut report)?;

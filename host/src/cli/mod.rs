@@ -5,9 +5,12 @@
 
 use std::ffi::OsString;
 use std::io::{self, Write};
+use std::path::Path;
 
 use clap::error::ErrorKind;
 use clap::{Parser, Subcommand};
+
+use crate::io::write_atomically;
 
 pub mod calibrate;
 pub mod demo;
@@ -172,6 +175,14 @@ fn is_broken_pipe(error: &anyhow::Error) -> bool {
         let of_json = cause.downcast_ref::<serde_json::Error>().and_then(serde_json::Error::io_error_kind);
         of_system.or(of_json) == Some(io::ErrorKind::BrokenPipe)
     })
+}
+
+/// Writes one JSON document and a line end into a file.
+fn write_json_file(path: &Path, value: &impl serde::Serialize) -> anyhow::Result<()> {
+    Ok(write_atomically(path, |writer| {
+        serde_json::to_writer_pretty(&mut *writer, value)?;
+        writeln!(writer)
+    })?)
 }
 
 /// Writes one JSON document and a line end.

@@ -13,9 +13,9 @@ use super::hand_file::HandArgs;
 use super::input::{self, TABLE_HEIGHT_M};
 use super::planning::{Planned, Planner};
 use super::progress::{bar, spinner};
-use super::{Outcome, reconstruct as reconstruct_command, write_json};
+use super::{Outcome, reconstruct as reconstruct_command, write_json, write_json_file};
 use crate::hand::Hand;
-use crate::io::{Geometry, Unit, read_geometry, write_atomically};
+use crate::io::{Geometry, Unit, read_geometry};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::{Arm, Joints, LimitCheck};
 use crate::plan::document::PlanDocument;
@@ -227,16 +227,16 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     restrict(&mut scene.hand, &args.candidates)?;
     scene.friction = args.friction;
     scene.seen = seen;
+    let top = if args.all { usize::MAX } else { args.top as usize };
     let settings = SearchSettings {
         attempts: args.attempts.map_or(args.strategy.default_attempts(), |n| n as usize),
         threshold: args.threshold,
         seed: args.seed,
-        ranked: if args.all { usize::MAX } else { args.top as usize },
+        ranked: top,
     };
     let progress = bar(settings.attempts, "attempts");
     let planner =
         Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings, start_rad };
-    let top = if args.all { usize::MAX } else { args.top as usize };
     let planned = planner.plan(top, &|done| progress.set_position(done as u64));
     progress.finish_and_clear();
 
@@ -244,10 +244,7 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     if to_stdout {
         write_json(out, document)?;
     } else {
-        write_atomically(&args.output, |writer| {
-            serde_json::to_writer_pretty(&mut *writer, document)?;
-            writeln!(writer)
-        })?;
+        write_json_file(&args.output, document)?;
         if args.json {
             write_json(out, &summary(args, &planned, start.elapsed().as_secs_f64()))?;
         } else {

@@ -16,7 +16,7 @@ use crate::exec::{
 use crate::grasp::Convention;
 use crate::hand::{Hand, Posture, hit_dlr};
 use crate::object::Object;
-use crate::plan::arm::Joints;
+use crate::plan::arm::{GRAVITY_M_PER_S2, Joints};
 use crate::plan::attempt::{Grasp, GraspContact, Rejection, palm_sites};
 use crate::plan::document::{
     ContactInfo, FORMAT, FingerKnotInfo, FingerMotionInfo, GraspInfo, HandInfo, ObjectInfo, PlanDocument,
@@ -231,10 +231,11 @@ impl Planner<'_> {
                 friction: touch.contact.friction(),
             })
             .collect();
-        // The weight hangs on friction: the sum of normal forces times mu carries it.
-        let weight_n = self.object.mass_kg * 9.81;
+        // The weight hangs on friction: the sum of normal forces times the least coefficient carries it.
+        let least_friction = contacts.iter().map(|c| c.friction).fold(f64::INFINITY, f64::min);
+        let carrying_n = self.object.mass_kg * GRAVITY_M_PER_S2 / least_friction.max(0.05);
         let [least_n, most_n] = FINGER_FORCE_N.map(|n| n * contacts.len() as f64);
-        let grip_n = (GRIP_SAFETY * weight_n / scene.friction.max(0.05)).clamp(least_n, most_n);
+        let grip_n = (GRIP_SAFETY * carrying_n).clamp(least_n, most_n);
         let is_precise = !scene.hand.candidates[grasp.candidate].wraps;
         let least_share = if is_precise { LEAST_TIP_SHARE } else { 0.0 };
         let mut forces = [SQUEEZE_CONE_SHARE, 1.0]
@@ -254,7 +255,7 @@ impl Planner<'_> {
         // Forces that balance do so at any size: what is too much for a drive is less for all.
         let share = torque_share(&scene.hand, &grasp.grasp, &pushes);
         if share > 1.0 {
-            if grip_n / share < grip_n.min(weight_n / scene.friction.max(0.05)) {
+            if grip_n / share < grip_n.min(carrying_n) {
                 return None;
             }
             forces.iter_mut().for_each(|force| *force /= share);

@@ -7,7 +7,6 @@
 use hand_model::{HandAngles, HandModel};
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Translation3, Unit, Vector3};
 use protocol::ids::{FingerId, FingerJoint, JOINT_COUNT, JointId};
-use sha2::{Digest, Sha256};
 
 use super::candidate::{Candidate, ContactKind};
 use super::finger::{Bead, Finger, FingerError, Motion, Part, Segment};
@@ -28,7 +27,7 @@ const LINK_FRICTION: f64 = 0.3;
 /// SHA-256 over a hand's parameters, as they print in full precision.
 #[must_use]
 pub fn hash(model: &HandModel<f64>) -> String {
-    Sha256::digest(format!("{model:?}").as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
+    super::hash_of(model)
 }
 
 /// A posture of this hand as the planner counts it.

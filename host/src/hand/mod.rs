@@ -11,8 +11,11 @@ mod inverse;
 mod posture;
 pub mod urdf;
 
+use std::fmt::Debug;
+
 use hand_model::HandModel;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use sha2::{Digest, Sha256};
 
 pub use candidate::{Candidate, ContactKind};
 pub use finger::{Bead, Finger, Part, Segment};
@@ -21,6 +24,16 @@ pub use posture::{MAX_FINGERS, MAX_JOINTS, Posture};
 /// Torsional friction of a soft tip, as the length e in `mu * sqrt(|f_t|^2 + (tau / e)^2)`, metres. 3 mm is the middle
 /// of 2..4 mm for rubber tips under a few newtons; contact radius grows with force (Xydas and Kao 1999).
 pub const SOFT_TIP_TORSION_M: f64 = 0.003;
+
+/// SHA-256 over all that a value prints in full precision: what plans depend on.
+fn hash_of(value: &impl Debug) -> String {
+    hex(&Sha256::digest(format!("{value:?}").as_bytes()))
+}
+
+/// Bytes as lower-case hexadecimal digits.
+pub(crate) fn hex(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
 
 /// An independent joint: one that no other joint drives.
 #[derive(Debug, Clone, PartialEq)]

@@ -202,15 +202,10 @@ fn welded(mesh: &Mesh) -> (Vec<Point3<f64>>, Vec<[u32; 3]>) {
 /// The faces without pairs on the same corners that are turned against each other. Decimation leaves such folds: they
 /// enclose nothing, and their edges have four faces where a surface has two.
 fn without_folds(faces: &[[u32; 3]]) -> Vec<[u32; 3]> {
-    let from_least = |[a, b, c]: [u32; 3]| match a.min(b).min(c) {
-        least if least == a => [a, b, c],
-        least if least == b => [b, c, a],
-        _ => [c, a, b],
-    };
     let mut kept = vec![true; faces.len()];
     let mut waiting: HashMap<[u32; 3], Vec<usize>> = HashMap::with_capacity(faces.len());
     for (index, &face) in faces.iter().enumerate() {
-        let [a, b, c] = from_least(face);
+        let [a, b, c] = repair::from_least(face);
         match waiting.get_mut(&[a, c, b]).and_then(Vec::pop) {
             Some(opposite) => (kept[index], kept[opposite]) = (false, false),
             None => waiting.entry([a, b, c]).or_default().push(index),

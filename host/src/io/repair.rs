@@ -47,7 +47,7 @@ fn once_each(faces: &[[u32; 3]], warnings: &mut Vec<String>) -> Vec<[u32; 3]> {
 }
 
 /// The face beginning at its least corner.
-fn from_least([a, b, c]: [u32; 3]) -> [u32; 3] {
+pub(super) fn from_least([a, b, c]: [u32; 3]) -> [u32; 3] {
     match a.min(b).min(c) {
         least if least == a => [a, b, c],
         least if least == b => [b, c, a],

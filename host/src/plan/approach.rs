@@ -4,6 +4,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::attempt::Rejection;
 use super::closing::matrix;
+use super::hand_shape::lowest_m;
 use super::scene::{Scene, TABLE_CLEARANCE_M, table_clearance_m};
 use super::settle::Site;
 use crate::hand::finger::MAX_BEADS;
@@ -82,23 +83,16 @@ pub(super) fn palm_cuts_object(scene: &Scene, object_from_palm: &Isometry3<f64>)
         let object_from_box = object_from_palm * part.palm_from_box;
         let middle = Point3::from(object_from_box.translation.vector);
         scene.surface.cuts_box(&object_from_box, &part.half_extents_m)
-            || scene.surface.nearest_within(&middle, 0.0).is_some()
+            || !scene.surface.clear_of_ball(&middle, 0.0)
     })
 }
 
 pub(super) fn palm_clear_of_table(scene: &Scene, base_from_palm: &Isometry3<f64>) -> bool {
     let Some(table_height_m) = scene.table_height_m else { return true };
-    scene
-        .hand
-        .palm
-        .iter()
-        .all(|part| lowest_of_box_m(base_from_palm, part) >= table_height_m + TABLE_CLEARANCE_M)
-}
-
-fn lowest_of_box_m(base_from_palm: &Isometry3<f64>, part: &PalmBox) -> f64 {
-    let base_from_box = base_from_palm * part.palm_from_box;
-    let up_in_box = base_from_box.inverse_transform_vector(&Vector3::z());
-    base_from_box.translation.z - part.half_extents_m.dot(&up_in_box.abs())
+    let lowest_allowed_m = table_height_m + TABLE_CLEARANCE_M;
+    scene.hand.palm.iter().all(|part| {
+        lowest_m(&(base_from_palm * part.palm_from_box), &part.half_extents_m) >= lowest_allowed_m
+    })
 }
 
 /// Whether palm and fingers stay above the table; true without a table.

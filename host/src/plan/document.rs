@@ -15,7 +15,7 @@ use sha2::{Digest, Sha256};
 use thiserror::Error;
 
 use super::motion::ArmMotion;
-use crate::hand::Hand;
+use crate::hand::{Hand, hex};
 use crate::surface::Mesh;
 
 /// First field of every plan document.
@@ -43,6 +43,14 @@ pub enum DocumentError {
         value: f64,
         /// What is wrong with it.
         fault: &'static str,
+    },
+    /// A hash is no SHA-256 in hexadecimal digits.
+    #[error("{field} \"{hash}\" is no SHA-256")]
+    Hash {
+        /// Which one.
+        field: &'static str,
+        /// Its text.
+        hash: String,
     },
     /// A joint name is missing from a posture.
     #[error("{posture} has no angle for joint {joint}")]
@@ -372,7 +380,8 @@ impl PlanDocument {
     ///
     /// # Errors
     /// [`DocumentError::Format`] or [`DocumentError::Version`] when it is not what this program reads,
-    /// [`DocumentError::OutOfRange`] when a mass or length is not above zero, or a coefficient is below it.
+    /// [`DocumentError::OutOfRange`] when a mass or length is not above zero, a coefficient or time is below it, or the
+    /// times of a motion do not increase, [`DocumentError::Hash`] when a hash is none.
     pub fn check(&self) -> Result<(), DocumentError> {
         if self.format != FORMAT {
             return Err(DocumentError::Format(self.format.clone()));
@@ -391,12 +400,28 @@ impl PlanDocument {
         let of_contacts = self.grasps.iter().flat_map(|grasp| &grasp.contacts).flat_map(|contact| {
             [("contact friction", contact.friction), ("contact torsional_m", contact.torsional_m)]
         });
-        for (field, value) in std::iter::once(("object.friction", object.friction)).chain(of_contacts) {
+        let motions = || self.grasps.iter().filter_map(|grasp| grasp.finger_motion.as_ref());
+        let of_motions = motions().flat_map(|motion| {
+            let knots = motion.knots.iter().map(|knot| ("finger_motion time", knot.t_s));
+            knots.chain([("finger_motion contact_s", motion.contact_s)])
+        });
+        let of_object = [("object.friction", object.friction)];
+        for (field, value) in of_object.into_iter().chain(of_contacts).chain(of_motions) {
             if value < 0.0 {
                 return Err(DocumentError::OutOfRange { field, value, fault: "below 0" });
             }
         }
-        Ok(())
+        for motion in motions() {
+            if let Some(knots) = motion.knots.windows(2).find(|knots| knots[0].t_s >= knots[1].t_s) {
+                let (field, value) = ("finger_motion time", knots[1].t_s);
+                return Err(DocumentError::OutOfRange { field, value, fault: "not after the one before" });
+            }
+        }
+        let hashes = [("hand.sha256", &self.hand.sha256), ("object.mesh_sha256", &object.mesh_sha256)];
+        match hashes.into_iter().find(|(_, hash)| !is_sha256(hash)) {
+            Some((field, hash)) => Err(DocumentError::Hash { field, hash: hash.clone() }),
+            None => Ok(()),
+        }
     }
 
     /// The JSON schema (draft 2020-12) of plan documents, as `docs/plan.schema.json` holds it. It says what fields there
@@ -435,8 +460,9 @@ pub fn mesh_hash(mesh: &Mesh) -> String {
     hex(&hash.finalize())
 }
 
-fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+/// Whether this is 64 lower-case hexadecimal digits, as the schema asks.
+fn is_sha256(text: &str) -> bool {
+    text.len() == 64 && text.bytes().all(|byte| matches!(byte, b'0'..=b'9' | b'a'..=b'f'))
 }
 
 /// A point as the document writes it.

@@ -90,7 +90,7 @@ fn refine(
             .map(|index| {
                 let mut rng = attempt_rng(settings.seed, index);
                 let from = &sites[rng.random_range(0..sites.len())];
-                let site = perturbed(&from.site, &geometric_center(scene), SHIFT_M, TURN_RAD, &mut rng);
+                let site = perturbed(&from.site, &scene.center_of_mass, SHIFT_M, TURN_RAD, &mut rng);
                 Proposal::At { candidate: from.candidate, site: Box::new(site) }
             })
             .collect();
@@ -101,19 +101,13 @@ fn refine(
     }
 }
 
-/// Middle of the object's bounding box along its principal axes would move with every bump of a scan: the centre of
-/// mass is the steadier "center of geometry".
-#[must_use]
-pub fn geometric_center(scene: &Scene) -> Point3<f64> {
-    scene.center_of_mass
-}
-
 /// Approaches with the points that the contacts are to lie around, in the order in which they are tried, in stages: each
 /// stage is tried whole. Straight down about the centre and, since what stands on a table is often widest at its foot,
 /// as deep as the table lets the fingers go; then leaning by 45 and by 80 degrees.
 fn initial_approaches(scene: &Scene) -> Vec<Vec<(Approach, Point3<f64>)>> {
     let down = scene.base_from_object.inverse_transform_vector(&-Vector3::z());
-    let center = geometric_center(scene);
+    // The paper's centre of geometry. The middle of a bounding box would move with every bump of a scan.
+    let center = scene.center_of_mass;
     let depth_m = scene.mesh.vertices().iter().map(|p| (p - center).dot(&down)).fold(0.0, f64::max);
     let at = |target: Point3<f64>| move |approach: Approach| (approach, target);
     let from_above = oppositions(scene, &down, 4);
@@ -150,7 +144,7 @@ fn oppositions(scene: &Scene, direction_in_object: &Vector3<f64>, count: usize) 
 /// The direction across `direction` in which the vertices scatter least about the centre. Area-weighted scatter of the
 /// faces, so that the density of a mesh's vertices does not count.
 #[must_use]
-pub fn thinnest_across(scene: &Scene, direction: &Unit<Vector3<f64>>) -> Vector3<f64> {
+fn thinnest_across(scene: &Scene, direction: &Unit<Vector3<f64>>) -> Vector3<f64> {
     let mut scatter = Matrix3::zeros();
     for face in 0..scene.mesh.faces().len() {
         let [a, b, c] = scene.mesh.corners(face);

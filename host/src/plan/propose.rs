@@ -11,7 +11,7 @@ use nalgebra::{Isometry3, Point3, Unit, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::{Distribution, StandardNormal, UnitSphere};
 
-use super::attempt::is_open_to;
+use super::attempt::{is_open_to, take_finger};
 use super::preshape::{Preshape, PreshapeTable, any_across};
 use super::samples::{across, through};
 use super::scene::Scene;
@@ -86,9 +86,7 @@ fn open_wide(scene: &Scene, candidate: &Candidate, preshape: &mut Preshape) {
     let mut start = preshape.start;
     for finger in candidate.fingers() {
         let opened = preshape.with_finger_at(preshape.u_begin[finger]);
-        for &joint in scene.hand.fingers[finger].joints() {
-            start[joint] = opened[joint];
-        }
+        take_finger(&scene.hand, finger, &opened, &mut start);
     }
     (preshape.start, preshape.rate) = (scene.hand.clamped(start), Posture::ZERO);
 }

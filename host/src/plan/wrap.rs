@@ -114,7 +114,7 @@ fn is_free(scene: &Scene, candidate: &Candidate, site: &Site, way_m: f64) -> boo
         chain.beads().iter().all(|bead| {
             let center = turned * (frames.palm_from_segment(bead.segment) * bead.center_in_segment);
             lowest_m.is_none_or(|lowest_m| center.coords.dot(&up_in_object) - bead.radius_m >= lowest_m)
-                && scene.surface.nearest_within(&center, bead.radius_m + FINGER_GAP_M).is_none()
+                && scene.surface.clear_of_ball(&center, bead.radius_m + FINGER_GAP_M)
         })
     });
     fingers_are_free && !palm_cuts_object(scene, &object_from_palm)
@@ -247,8 +247,8 @@ fn next_stop(scene: &Scene, chain: &Finger, posture: &Posture, rate: &mut Postur
     Some((first, u_end))
 }
 
-/// Pose of a palm, on its way along `direction`, whose pressing point is at `target` with its lateral axis turned by
-/// `turn` about the direction.
+/// Pose of a palm, on its way along `direction_in_object`, whose pressing point is at the target, with its lateral axis as
+/// near `lateral_in_object` as the direction lets it.
 #[must_use]
 pub(super) fn palm_over(
     scene: &Scene,

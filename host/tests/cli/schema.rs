@@ -144,6 +144,10 @@ fn damaged_plans_are_refused_by_schema_and_reader() {
         ("/grasps/0/arm_motion/lift/0/q_rad", json!([0, 0, 0, 0, 0])),
         ("/grasps/0/arm_motion/lift/0/tau_nm", json!([0, 0, 0, 0, 0, 0])),
         ("/grasps/0/finger_motion/knots/0/t_s", json!(null)),
+        ("/grasps/0/finger_motion/contact_s", json!(-1)),
+        ("/grasps/0/finger_motion/knots/1/t_s", json!(-1)),
+        ("/object/mesh_sha256", json!("x")),
+        ("/hand/sha256", json!("A".repeat(64))),
         ("/grasps/0/quality/epsilon", json!(null)),
     ] {
         let mut plan = good.clone();

@@ -1,7 +1,6 @@
 //! A hand from its parts.
 
 use nalgebra::{Isometry3, IsometryMatrix3, Point3, Translation3, Unit, Vector3};
-use sha2::{Digest, Sha256};
 
 use super::description::{Description, pose};
 use super::error::Problem;
@@ -11,7 +10,9 @@ use super::opposition::State;
 use super::overrides::Overrides;
 use super::tree::Tree;
 use super::{Loaded, balls, chains, flexion, opposition, palm, typical};
-use crate::hand::{Candidate, Finger, Hand, Joint, MAX_FINGERS, PalmBox, SOFT_TIP_TORSION_M, Segment};
+use crate::hand::{
+    Candidate, Finger, Hand, Joint, MAX_FINGERS, PalmBox, SOFT_TIP_TORSION_M, Segment, hash_of,
+};
 
 /// Friction coefficient of links and palm, which are taken to be of metal and plastic.
 const LINK_FRICTION: f64 = 0.3;
@@ -105,7 +106,7 @@ pub(super) fn hand(text: &str, files: &Files, overrides: &Overrides) -> Result<L
         candidates,
         model: None,
     };
-    hand.sha256 = hash(&hand);
+    hand.sha256 = hash_of(&hand);
     Ok(Loaded {
         flange_from_palm: overrides.mount().unwrap_or_else(|| on_flange(&hand.palm)),
         is_mount_given: overrides.mount().is_some(),
@@ -351,10 +352,4 @@ fn on_flange(palm: &[PalmBox]) -> Isometry3<f64> {
     };
     let lowest_m = palm.iter().map(lowest_m).reduce(f64::min).unwrap_or(0.0);
     Isometry3::translation(0.0, 0.0, -lowest_m)
-}
-
-/// SHA-256 over everything that a plan depends on, as it prints in full precision.
-fn hash(hand: &Hand) -> String {
-    let text = format!("{hand:?}");
-    Sha256::digest(text.as_bytes()).iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -12,16 +12,16 @@ use nalgebra::Isometry3;
 
 use super::approach::palm_clear;
 use super::best::rank::Errors;
-use super::closing::Closing;
 use super::scene::Scene;
 use super::settle::Site;
 use super::wrap::{may_be_seated, wrap};
 use crate::grasp::{Closure, Contact, Quality, Workspace, evaluate};
 use crate::hand::{Candidate, Posture};
 pub(super) use closed::contact_at;
+use closed::touch_with_tips;
 pub use closed::{Closed, close_hand};
-use closed::{on_rubber, torsion, touch_with_tips};
 pub use grasp::{Grasp, GraspContact, Rejection, Robustness};
+pub(super) use opening::take_finger;
 use opening::{around, stand_off};
 pub use reach::palm_sites;
 use reach::{arm_stays_clear, reachable};
@@ -106,33 +106,24 @@ pub(super) fn quality_with_errors(
     scratch: &mut AttemptScratch,
 ) -> Option<f64> {
     scratch.contacts.clear();
+    scratch.touches.clear();
+    let touches = &mut scratch.touches;
     if candidate.wraps {
-        scratch.touches.clear();
-        wrap(scene, candidate, site, &mut scratch.touches).ok()?;
-        for (index, touch) in scratch.touches.iter().enumerate() {
-            let planned = &touch.contact;
-            let point = planned.point_in_object();
-            let is_seen = scene.seen.as_ref().is_none_or(|seen| seen.is_seen(&point));
-            let (point, normal) = errors.moved(index, &point, &planned.inward_normal_in_object(), is_seen);
-            let contact = Contact::new(point, normal.into_inner(), planned.friction() * errors.friction);
-            scratch.contacts.push(contact.ok()?);
-        }
-        let closure =
-            evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);
-        return closure.quality().map(Quality::epsilon);
+        wrap(scene, candidate, site, touches).ok()?;
+    } else {
+        let closed = close_hand(scene, candidate, site);
+        let mut grasp = site.preshape.start;
+        touch_with_tips(scene, candidate, site, &closed, &mut grasp, touches).ok()?;
     }
-    let closed = close_hand(scene, candidate, site);
-    let torsional_m = torsion(&scene.hand, candidate);
-    for finger in candidate.fingers() {
-        let Some(Closing::Touches(touch)) = closed.fingers[finger] else { return None };
-        if !on_rubber(&touch) {
-            return None;
-        }
-        let is_seen = scene.seen.as_ref().is_none_or(|seen| seen.is_seen(&touch.point_in_object));
-        let (point, normal) =
-            errors.moved(finger, &touch.point_in_object, &touch.inward_normal_in_object, is_seen);
-        let contact = Contact::new(point, normal.into_inner(), scene.friction * errors.friction)
-            .and_then(|contact| contact.with_torsion(torsional_m));
+    for (index, touch) in touches.iter().enumerate() {
+        let planned = &touch.contact;
+        let point = planned.point_in_object();
+        let is_seen = scene.seen.as_ref().is_none_or(|seen| seen.is_seen(&point));
+        // A finger that touches once meets the same error in every grasp.
+        let error = if candidate.wraps { index } else { touch.finger.unwrap_or(index) };
+        let (point, normal) = errors.moved(error, &point, &planned.inward_normal_in_object(), is_seen);
+        let contact = Contact::new(point, normal.into_inner(), planned.friction() * errors.friction)
+            .and_then(|contact| contact.with_torsion(planned.torsional_m()));
         scratch.contacts.push(contact.ok()?);
     }
     let closure = evaluate(&scratch.contacts, &scene.wrench_reference, &scene.quality, &mut scratch.quality);

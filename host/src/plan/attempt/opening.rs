@@ -106,7 +106,7 @@ pub(super) fn stand_off(
 }
 
 /// Takes over the joints of one finger, held ones left out.
-pub(super) fn take_finger(hand: &Hand, finger: usize, from: &Posture, onto: &mut Posture) {
+pub(in super::super) fn take_finger(hand: &Hand, finger: usize, from: &Posture, onto: &mut Posture) {
     for &joint in hand.fingers[finger].joints() {
         if !hand.joints[joint].is_held {
             onto[joint] = from[joint];

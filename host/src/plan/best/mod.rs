@@ -41,16 +41,21 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
     // What a person would try first costs little, and on plain bodies nothing is better.
     let first: Vec<Proposal> =
         initial_proposals(scene).into_iter().flatten().take(settings.attempts).collect();
-    for batch in first.chunks(BATCH) {
+    let mut try_batch = |batch: &[Proposal], allotment: &mut Allotment, result: &mut SearchResult| {
         let tried = try_all(scene, &tables, batch);
         tried.iter().for_each(|t| allotment.learn(t));
-        record(&mut result, &tried, settings, false, progress);
+        record(result, &tried, settings, false, progress);
         kept.extend(tried.into_iter().filter(|t| t.outcome.is_ok()));
+        !kept.is_empty()
+    };
+    let mut is_found = false;
+    for batch in first.chunks(BATCH) {
+        is_found = try_batch(batch, &mut allotment, &mut result);
     }
     // Without a grasp there is nothing to refine: the sampling then goes on to the end.
-    while result.attempts < settings.attempts && (result.attempts < sampled || kept.is_empty()) {
+    while result.attempts < settings.attempts && (result.attempts < sampled || !is_found) {
         let first = result.attempts;
-        let end = if kept.is_empty() { settings.attempts } else { sampled };
+        let end = if is_found { sampled } else { settings.attempts };
         let proposals: Vec<Proposal> = (first..(first + BATCH).min(end))
             .map(|index| {
                 let mut rng = attempt_rng(settings.seed, index);
@@ -58,13 +63,7 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
                 Proposal::Sampled { candidate: table, rng: Box::new(rng) }
             })
             .collect();
-        let tried = try_all(scene, &tables, &proposals);
-        tried.iter().for_each(|t| allotment.learn(t));
-        let stop = record(&mut result, &tried, settings, false, progress);
-        kept.extend(tried.into_iter().filter(|t| t.outcome.is_ok()));
-        if stop {
-            break;
-        }
+        is_found = try_batch(&proposals, &mut allotment, &mut result);
     }
     refine::refine(scene, &tables, settings, kept, &mut result, progress);
     result.rank();

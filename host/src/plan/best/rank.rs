@@ -46,13 +46,14 @@ pub(in super::super) struct Errors {
 /// Re-orders the best `count` grasps by their score; the others stay behind them in the order of their epsilon. Grasps
 /// like a better one go behind those that are not.
 pub(super) fn rank(scene: &Scene, count: usize, seed: u64, result: &mut SearchResult) {
-    let count = result.grasps.len().min(count);
-    let (ranked, _) = result.grasps.split_at_mut(count);
+    let mut ranked = std::mem::take(&mut result.grasps);
+    let others = ranked.split_off(ranked.len().min(count));
     ranked.par_iter_mut().for_each_init(AttemptScratch::default, |scratch, grasp| {
         grasp.robustness = Some(robustness(scene, grasp, seed, scratch));
     });
     ranked.sort_by(|a, b| score(b).total_cmp(&score(a)));
-    put_alike_behind(ranked);
+    let (distinct, alike) = told_apart(ranked);
+    result.grasps = distinct.into_iter().chain(alike).chain(others).collect();
 }
 
 pub(super) fn score(grasp: &Grasp) -> f64 {
@@ -73,11 +74,10 @@ fn robustness(scene: &Scene, grasp: &Grasp, seed: u64, scratch: &mut AttemptScra
             sum += epsilon;
         }
     }
-    let seen = |grasp: &Grasp| {
-        let Some(seen) = &scene.seen else { return 1.0 };
+    let seen_share = scene.seen.as_ref().map_or(1.0, |seen| {
         let measured = grasp.contacts.iter().filter(|c| seen.is_seen(&c.contact.point_in_object())).count();
         measured as f64 / grasp.contacts.len().max(1) as f64
-    };
+    });
     let limit_margin = scene.hand.limit_margin(&grasp.grasp, candidate.fingers());
     let closure_chance = f64::from(closures) / SAMPLES as f64;
     let expected_epsilon = sum / SAMPLES as f64;
@@ -86,7 +86,7 @@ fn robustness(scene: &Scene, grasp: &Grasp, seed: u64, scratch: &mut AttemptScra
         closure_chance,
         expected_epsilon,
         limit_margin,
-        seen_share: seen(grasp),
+        seen_share,
         score: expected_epsilon * closure_chance * cramped,
     }
 }
@@ -116,27 +116,18 @@ impl Errors {
     }
 }
 
-/// Moves every grasp that is like one before it behind all that are not, order kept.
-fn put_alike_behind(grasps: &mut [Grasp]) {
-    let mut distinct: Vec<usize> = Vec::new();
-    let mut is_alike = vec![false; grasps.len()];
-    for (i, grasp) in grasps.iter().enumerate() {
+/// The grasps that are like none before them, and the others, in their order.
+fn told_apart(grasps: Vec<Grasp>) -> (Vec<Grasp>, Vec<Grasp>) {
+    let (mut distinct, mut alike) = (Vec::<Grasp>::new(), Vec::new());
+    for grasp in grasps {
         let pose = &grasp.site.object_from_palm;
-        is_alike[i] = distinct.iter().any(|&k| {
-            let other = &grasps[k].site.object_from_palm;
-            grasps[k].candidate == grasp.candidate
-                && (other.translation.vector - pose.translation.vector).norm() < ALIKE_M
-                && other.rotation.angle_to(&pose.rotation) < ALIKE_RAD
+        let is_alike = distinct.iter().any(|other| {
+            let other_pose = &other.site.object_from_palm;
+            other.candidate == grasp.candidate
+                && (other_pose.translation.vector - pose.translation.vector).norm() < ALIKE_M
+                && other_pose.rotation.angle_to(&pose.rotation) < ALIKE_RAD
         });
-        if !is_alike[i] {
-            distinct.push(i);
-        }
+        if is_alike { alike.push(grasp) } else { distinct.push(grasp) }
     }
-    let mut flags = is_alike.into_iter();
-    let mut keyed: Vec<(bool, Grasp)> =
-        grasps.iter().map(|grasp| (flags.next().unwrap_or(false), grasp.clone())).collect();
-    keyed.sort_by_key(|(alike, _)| *alike);
-    for (slot, (_, grasp)) in grasps.iter_mut().zip(keyed) {
-        *slot = grasp;
-    }
+    (distinct, alike)
 }

@@ -22,7 +22,7 @@ const REFINED_LAST: usize = 12;
 
 /// One standard deviation of a random motion at the beginning, small against a fingertip, and how much smaller it has
 /// become at the end.
-const MOTION: Scale = Scale { shift_m: 0.006, turn_rad: 0.15, spread: 0.08 };
+pub(super) const MOTION: Scale = Scale { shift_m: 0.006, turn_rad: 0.15, spread: 0.08 };
 const SHRINKS_TO: f64 = 0.22;
 
 /// Share of the motions that follow the slope of epsilon where there is one.
@@ -92,9 +92,7 @@ pub(super) fn refine(
             })
             .collect();
         let tried = try_all(scene, tables, &proposals);
-        if record(result, &tried, settings, false, progress) {
-            return;
-        }
+        record(result, &tried, settings, false, progress);
         kept.extend(tried.into_iter().filter(|t| t.outcome.is_ok()).map(|tried| Kept::new(scene, tried)));
     }
 }

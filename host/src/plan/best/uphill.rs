@@ -181,12 +181,11 @@ mod tests {
     use super::super::super::attempt::{AttemptScratch, attempt};
     use super::super::super::best::{contact_middle, search};
     use super::super::super::search::{SearchSettings, moved};
+    use super::super::refine::MOTION;
     use super::*;
     use crate::object::BuiltIn;
     use crate::object::solids::cuboid;
     use crate::surface::Mesh;
-
-    const SCALE: Scale = Scale { shift_m: 0.006, turn_rad: 0.15, spread: 0.08 };
 
     fn floating(mesh: Mesh) -> Scene {
         let mut scene = Scene::new(mesh, Isometry3::identity(), None, None).unwrap();
@@ -271,7 +270,7 @@ mod tests {
         let (mut up, mut down) = (0, 0);
         for grasp in grasps(&scene).iter().step_by(5) {
             let about = contact_middle(grasp);
-            let Some(motion) = uphill(&scene, grasp, &about, &SCALE, &mut scratch) else { continue };
+            let Some(motion) = uphill(&scene, grasp, &about, &MOTION, &mut scratch) else { continue };
             let helps = |steps| {
                 epsilon_after(&scene, grasp, &about, &motion, steps)
                     .is_some_and(|e| e > grasp.quality.epsilon())
