@@ -1,7 +1,6 @@
 //! `prehend calibrate`: from marker pairs to what a camera's pixels mean in the laser plane.
 
-use std::fs::File;
-use std::io::{Read, Write};
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -10,7 +9,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use super::{Outcome, input, write_json};
-use crate::io::write_atomically;
+use crate::io::{read_text, write_atomically};
 use crate::scan::calibrate::{
     Bench, BenchCamera, CalibrateSettings, Calibrated, Candidate, Errors, Fit, MarkerPair, Verification,
     calibrate, parse_markers,
@@ -139,16 +138,7 @@ fn source(args: &CalibrateArgs) -> String {
 
 fn read_markers(path: &Path) -> anyhow::Result<Vec<MarkerPair>> {
     let name = || path.display().to_string();
-    let mut bytes = Vec::new();
-    let file = File::open(path).with_context(name)?;
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).with_context(name)?;
-    ensure!(bytes.len() as u64 <= MAX_BYTES, "{}: larger than {} MB", name(), MAX_BYTES >> 20);
-    let text = String::from_utf8(bytes).map_err(|error| {
-        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = good.iter().filter(|&&byte| byte == b'\n').count() + 1;
-        anyhow::anyhow!("{}: line {line}: not UTF-8 text", name())
-    })?;
-    parse_markers(&text).with_context(name)
+    parse_markers(&read_text(path, MAX_BYTES).with_context(name)?).with_context(name)
 }
 
 fn summarise(calibrated: &Calibrated, pairs: usize, truth: &[Verification], seconds: f64) -> Summary {

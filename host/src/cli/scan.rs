@@ -58,9 +58,9 @@ pub struct ScanArgs {
     /// Record the stripes found in the images, not the images
     #[arg(long, requires = "record")]
     pub record_stripes: bool,
-    /// How early the virtual cameras' time stamps are, milliseconds: something to find out
-    #[arg(long, value_name = "MS", default_value_t = 0.0, value_parser = clock_offset_ms, allow_negative_numbers = true)]
-    pub clock_offset_ms: f64,
+    /// How early the virtual cameras' time stamps are, milliseconds: something to find out; by default 0
+    #[arg(long, value_name = "MS", value_parser = clock_offset_ms, allow_negative_numbers = true)]
+    pub clock_offset_ms: Option<f64>,
     /// Leave the clocks of cameras and arm as they are, whatever the images say
     #[arg(long)]
     pub keep_clock: bool,
@@ -78,7 +78,15 @@ pub struct ScanArgs {
     pub json: bool,
 }
 
-/// The most that the clocks of a virtual scan may differ: the arm's joints are known for so long beyond each sweep.
+impl ScanArgs {
+    /// Whether the virtual cameras' images are asked for, or what only they give.
+    fn renders_images(&self) -> bool {
+        self.images || self.record.is_some() || !self.calibration.is_empty()
+    }
+}
+
+/// The most that the clocks of a virtual scan may differ: larger offsets are not looked for. The arm's joints are known
+/// for a little longer beyond each sweep.
 const MAX_CLOCK_OFFSET_MS: f64 = 60.0;
 
 fn clock_offset_ms(text: &str) -> Result<f64, String> {
@@ -130,12 +138,17 @@ pub fn run(args: &ScanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let to_stdout = args.output.as_os_str() == "-";
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
     let format = if to_stdout { CloudFormat::Ply } else { CloudFormat::from_path(&args.output)? };
+    let by_rays = args.recording.is_none() && !args.renders_images();
+    anyhow::ensure!(
+        !(by_rays && (args.clock_offset_ms.is_some() || args.keep_clock)),
+        "--clock-offset-ms and --keep-clock are for scans by images, and this one is by rays: add --images"
+    );
     let (mut cloud, mut summary) = match (&args.recording, &args.object) {
         (Some(folder), _) => of_images(scan_images::recorded(folder, !args.keep_clock)?),
         (None, Some(name)) => {
             let object = input::object(name, args.unit, None, 0.4)?;
             let scanning = || format!("scanning {}", object.name);
-            if args.images || args.record.is_some() || !args.calibration.is_empty() {
+            if args.renders_images() {
                 of_images(scan_images::rendered(args, &object).with_context(scanning)?)
             } else {
                 of_rays(&object, args).with_context(scanning)?
@@ -177,8 +190,7 @@ fn of_rays(object: &Object, args: &ScanArgs) -> anyhow::Result<(PointCloud, Summ
 }
 
 fn of_images(scan: ImageScan) -> (PointCloud, Summary) {
-    let ImageScan { measured, sweeps, unreachable, duration_s, mut images } = scan;
-    images.report = Some(measured.report.clone());
+    let ImageScan { measured, sweeps, unreachable, duration_s, images } = scan;
     let summary = Summary {
         points: measured.cloud.len(),
         object_points: None,
@@ -243,7 +255,7 @@ pub(super) fn sweep(
     };
     let mut make =
         |sweeps: &[Sweep]| scan(mesh, Some(table), sweeps, instrument, seed).map(|scan| scan.cloud);
-    let plan = chain(first, settings.next_best, &given, &mut make)?;
+    let plan = chain(first, &given, &mut make)?;
     // All together, so that each stripe has noise of its own.
     let scan = scan(mesh, Some(table), &plan.sweeps, instrument, seed)?;
     Ok((plan, scan))

@@ -17,15 +17,15 @@ use crate::scan::clock_offset::ClockOffset;
 use crate::scan::joints::carry;
 use crate::scan::next_sweep::{Chain, chain};
 use crate::scan::optics::{Finish, Optics};
-use crate::scan::recording::{Content, RecordingError, RecordingWriter, read_recording};
+use crate::scan::recording::{Content, RecordingWriter, read_recording};
 use crate::scan::render::Renderer;
 use crate::scan::rig::{MEASURED_WIDTH_M, Rig, StripeCamera};
-use crate::scan::virtual_capture::{CaptureError, CarriedSweep, CellSettings, virtual_capture};
+use crate::scan::virtual_capture::{CarriedSweep, CellSettings, virtual_capture};
 use crate::scan::{
     Camera, Instrument, ScanError, StripePose, Sweep, SweepSettings, palm_from_scanner, plan_sweeps,
     target_sphere,
 };
-use crate::surface::Plane;
+use crate::surface::{Plane, PointCloud};
 
 /// A scan by images.
 pub(super) struct ImageScan {
@@ -40,7 +40,7 @@ pub(super) struct ImageScan {
 #[derive(Debug, Clone, Serialize)]
 pub(super) struct ImageSummary {
     #[serde(flatten)]
-    pub(super) report: Option<MeasureReport>,
+    report: MeasureReport,
     #[serde(skip_serializing_if = "Option::is_none")]
     recorded: Option<String>,
     seconds: ImageSeconds,
@@ -57,30 +57,29 @@ struct ImageSeconds {
 
 impl ImageSummary {
     pub(super) fn describe(&self, out: &mut dyn Write) -> std::io::Result<()> {
-        if let Some(report) = &self.report {
-            let pixels = &report.pixels;
-            writeln!(
-                out,
-                "stripe pixels: {} seen by both cameras alike, {} by one, {} differently, {} doubtful, {} uncalibrated",
-                pixels.agreed, pixels.by_one, pixels.disagreed, pixels.doubtful, pixels.outside
-            )?;
-            let ms = |seconds: f64| seconds * 1e3;
-            match report.clock {
-                ClockOffset::NotAsked => writeln!(out, "clocks: left alone")?,
-                ClockOffset::Undetermined => {
-                    writeln!(out, "clocks: these sweeps cannot tell whether they agree")?
-                }
-                ClockOffset::Negligible { offset_s, sigma_s } => {
-                    writeln!(out, "clocks agree: {:.2} +- {:.2} ms", ms(offset_s), ms(sigma_s))?;
-                }
-                ClockOffset::Applied { offset_s, sigma_s } => writeln!(
-                    out,
-                    "clocks differ: {:.2} +- {:.2} ms added to the frames' times, {} frames lost",
-                    ms(offset_s),
-                    ms(sigma_s),
-                    report.frames_lost_to_clock
-                )?,
+        let report = &self.report;
+        let pixels = &report.pixels;
+        writeln!(
+            out,
+            "stripe pixels: {} seen by both cameras alike, {} by one, {} differently, {} doubtful, {} uncalibrated",
+            pixels.agreed, pixels.by_one, pixels.disagreed, pixels.doubtful, pixels.outside
+        )?;
+        let ms = |seconds: f64| seconds * 1e3;
+        match report.clock {
+            ClockOffset::NotAsked => writeln!(out, "clocks: left alone")?,
+            ClockOffset::Undetermined => {
+                writeln!(out, "clocks: these sweeps cannot tell whether they agree")?
             }
+            ClockOffset::Negligible { offset_s, sigma_s } => {
+                writeln!(out, "clocks agree: {:.2} +- {:.2} ms", ms(offset_s), ms(sigma_s))?;
+            }
+            ClockOffset::Applied { offset_s, sigma_s } => writeln!(
+                out,
+                "clocks differ: {:.2} +- {:.2} ms added to the frames' times, {} frames lost",
+                ms(offset_s),
+                ms(sigma_s),
+                report.frames_lost_to_clock
+            )?,
         }
         let ImageSeconds { images_s, measure_s } = self.seconds;
         writeln!(out, "took {images_s:.2} s for the images, {measure_s:.2} s to measure")?;
@@ -114,20 +113,22 @@ fn measure(
     let clock = Instant::now();
     let measured = capture.measure(&MeasureSettings { correct_clock, ..MeasureSettings::default() })?;
     let seconds = ImageSeconds { images_s, measure_s: clock.elapsed().as_secs_f64() };
-    Ok((measured, ImageSummary { report: None, recorded: None, seconds }))
+    let report = measured.report.clone();
+    Ok((measured, ImageSummary { report, recorded: None, seconds }))
 }
 
 /// Renders and measures an object on the virtual cell's table, and records it when asked to.
 pub(super) fn rendered(args: &ScanArgs, object: &Object) -> anyhow::Result<ImageScan> {
     let content = if args.record_stripes { Content::Stripes } else { Content::Frames };
     // First of all: it may be that nothing can be written there.
-    let writer = args.record.as_deref().map(|folder| RecordingWriter::create(folder, content)).transpose()?;
+    let arm = Arm::rx60();
+    let writer = |folder| RecordingWriter::create(folder, content, &arm);
+    let writer = args.record.as_deref().map(writer).transpose()?;
     let (mesh, _) = placed(object);
     let instrument = Instrument::default();
     // What ceramics and plastics are like.
     let optics = Optics { object: Finish::glazed(), ..Optics::default() };
     let rig = rig(args, &instrument, &optics)?;
-    let arm = Arm::rx60();
     let settings = SweepSettings { field_width_m: Some(MEASURED_WIDTH_M), ..args.sweeps.settings() };
     let (center, radius_m) = target_sphere(&mesh);
     let carried = |pass: &[StripePose]| carry(&arm, &rig.palm_from_scanner, pass);
@@ -142,7 +143,7 @@ pub(super) fn rendered(args: &ScanArgs, object: &Object) -> anyhow::Result<Image
         Some(writer) => writer.image(frame, camera, image),
         None => Ok(()),
     };
-    let cell = CellSettings { offset_s: args.clock_offset_ms * 1e-3, seed: args.seed };
+    let cell = CellSettings { offset_s: args.clock_offset_ms.unwrap_or(0.0) * 1e-3, seed: args.seed };
     let mut capture: Option<Capture> = None;
     let mut make = |sweeps: &[Sweep]| {
         let sweeps: Vec<CarriedSweep> = sweeps
@@ -150,15 +151,13 @@ pub(super) fn rendered(args: &ScanArgs, object: &Object) -> anyhow::Result<Image
             .filter_map(|sweep| Some(CarriedSweep { joints: carried(&sweep.stripes)?, sweep: sweep.clone() }))
             .collect();
         let start = capture.as_ref().map_or_else(Start::default, Capture::end);
-        let part = virtual_capture(&renderer, &arm, &rig, &sweeps, start, cell, &keep).map_err(
-            |error: CaptureError<RecordingError>| match error {
-                CaptureError::Sink(error) => anyhow::Error::from(error),
-                CaptureError::Joints(error) => anyhow::Error::from(error),
-            },
-        )?;
+        let part = virtual_capture(&renderer, &arm, &rig, &sweeps, start, cell, &keep)?;
         // Only to see what is still unseen: the clocks have to wait for all sweeps. A sweep that saw nothing tells nothing.
         let rough = MeasureSettings { correct_clock: false, ..MeasureSettings::default() };
-        let cloud = part.measure(&rough).map(|measured| measured.cloud).unwrap_or_default();
+        let cloud = match settings.next_best {
+            0 => PointCloud::default(),
+            _ => part.measure(&rough).map(|measured| measured.cloud).unwrap_or_default(),
+        };
         capture = match capture.take() {
             Some(before) => Some(before.followed_by(part)?),
             None => Some(part),
@@ -173,7 +172,7 @@ pub(super) fn rendered(args: &ScanArgs, object: &Object) -> anyhow::Result<Image
         settings: &settings,
         reachable: &reachable,
     };
-    let plan = chain(first, settings.next_best, &given, &mut make)?;
+    let plan = chain(first, &given, &mut make)?;
     let capture = capture.ok_or(ScanError::NoSweep)?;
     let (measured, mut images) = measure(&capture, !args.keep_clock, clock.elapsed().as_secs_f64())?;
     if let (Some(writer), Some(folder)) = (writer, &args.record) {
@@ -203,7 +202,14 @@ fn rig(args: &ScanArgs, instrument: &Instrument, optics: &Optics) -> anyhow::Res
         anyhow::ensure!(is_sane, "{}: not a file, or larger than a calibration", path.display());
         let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
         let calibration = Calibration::from_toml(&text).with_context(|| path.display().to_string())?;
-        Ok::<_, anyhow::Error>(StripeCamera::new(calibration, instrument.pixels))
+        let camera = StripeCamera::new(calibration, instrument.pixels);
+        let [columns, rows] = instrument.pixels;
+        anyhow::ensure!(
+            camera.window.rows_px > 0,
+            "{}: the calibration has no row on the sensor of {columns} x {rows} pixels",
+            path.display()
+        );
+        Ok::<_, anyhow::Error>(camera)
     };
     Ok(Rig { cameras: [camera(left)?, camera(right)?], palm_from_scanner: palm_from_scanner() })
 }

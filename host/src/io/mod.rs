@@ -35,6 +35,8 @@ use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
+use thiserror::Error;
+
 pub use atomic::write_atomically;
 pub use error::{IoError, Place, Problem};
 pub use format::{CloudFormat, Format, MeshFormat, Unit, UnknownName};
@@ -155,6 +157,40 @@ pub fn write_cloud_to(format: CloudFormat, writer: &mut dyn Write, cloud: &Point
         CloudFormat::Xyz => text_cloud::write(writer, cloud, ' '),
         CloudFormat::Csv => text_cloud::write(writer, cloud, ','),
     }
+}
+
+/// Why a file gives no text, in one line; the caller names the file.
+#[derive(Debug, Error)]
+pub enum TextError {
+    /// The operating system refused.
+    #[error("{0}")]
+    System(io::Error),
+    /// Larger than what was asked for can be.
+    #[error("larger than {} MB", .limit_bytes >> 20)]
+    TooLarge {
+        /// Largest size that is read.
+        limit_bytes: u64,
+    },
+    /// Not UTF-8.
+    #[error("line {line}: not UTF-8 text")]
+    Encoding {
+        /// Where, counted from 1.
+        line: usize,
+    },
+}
+
+/// Reads a file of text of `limit_bytes` or less.
+pub fn read_text(path: &Path, limit_bytes: u64) -> Result<String, TextError> {
+    let mut bytes = Vec::new();
+    let file = File::open(path).map_err(TextError::System)?;
+    file.take(limit_bytes + 1).read_to_end(&mut bytes).map_err(TextError::System)?;
+    if bytes.len() as u64 > limit_bytes {
+        return Err(TextError::TooLarge { limit_bytes });
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
+        TextError::Encoding { line: good.iter().filter(|&&byte| byte == b'\n').count() + 1 }
+    })
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {

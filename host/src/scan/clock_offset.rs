@@ -9,6 +9,8 @@
 //! The uncertainty is that of the sum of the residuals of one pair of sweeps, which share the errors of both
 //! (cluster-robust: Liang and Zeger 1986), so that whatever misplaces a sweep as a whole shows in it.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 use serde::Serialize;
@@ -60,8 +62,9 @@ const BEYOND_CHANCE: f64 = 4.0;
 const NEGLIGIBLE_S: f64 = 0.0005;
 /// Less certain is not known.
 const LEAST_KNOWN_S: f64 = 0.002;
-/// Planes that are tried in each sweep.
-const PLANES: usize = 3000;
+/// Planes that are tried in each sweep, and those of all sweeps that vote on the coarse offset.
+const PLANES_OF_SWEEP: usize = 12_000;
+const COARSE_PLANES: usize = 3000;
 const PLANE_POINTS: usize = 16;
 const PLANE_RADIUS_M: f64 = 0.0025;
 /// Standard deviation of a plane's points up to which it is one.
@@ -96,7 +99,8 @@ struct Patch {
 
 /// A plane met by another sweep: the residual is `distance_m + slope_m_per_s * offset`.
 struct Meeting {
-    pair: usize,
+    /// The two sweeps, the lower number first: which of them had the plane makes no other pair.
+    pair: [usize; 2],
     distance_m: f64,
     slope_m_per_s: f64,
 }
@@ -110,8 +114,8 @@ pub(super) fn clock_offset(capture: &Capture, placed: &[Placed]) -> ClockOffset 
     let patches: Vec<Patch> = (0..sweeps.len()).flat_map(|sweep| patches(&sweeps, sweep)).collect();
     let steps = (MOST_S / COARSE_STEP_S).round() as i32;
     let coarse: Vec<f64> = (-steps..=steps).map(|i| f64::from(i) * COARSE_STEP_S).collect();
-    // Every planes's vote: how well the sweeps meet, with one number that bounds the blame.
-    let stride = patches.len().div_ceil(PLANES).max(1);
+    // Every plane's vote: how well the sweeps meet, with one number that bounds the blame.
+    let stride = patches.len().div_ceil(COARSE_PLANES).max(1);
     let few: Vec<&Patch> = patches.iter().step_by(stride).collect();
     let cost = |offset_s: f64| {
         let met = meetings(&sweeps, few.iter().copied(), offset_s);
@@ -135,7 +139,10 @@ pub(super) fn clock_offset(capture: &Capture, placed: &[Placed]) -> ClockOffset 
         }
     }
     match fitted {
-        Some(Fit { offset_s, sigma_s }) if sigma_s <= LEAST_KNOWN_S && offset_s.abs() <= 1.5 * MOST_S => {
+        // One at the very end of those that are looked for may come out a little beyond it.
+        Some(Fit { offset_s, sigma_s })
+            if sigma_s <= LEAST_KNOWN_S && offset_s.abs() <= MOST_S + COARSE_STEP_S =>
+        {
             if offset_s.abs() > BEYOND_CHANCE * sigma_s && offset_s.abs() > NEGLIGIBLE_S {
                 ClockOffset::Applied { offset_s, sigma_s }
             } else {
@@ -186,7 +193,7 @@ fn sweeps(capture: &Capture, placed: &[Placed]) -> Vec<SweepPoints> {
 /// Planes of a sweep along whose normals another sweep moves differently.
 fn patches(sweeps: &[SweepPoints], sweep: usize) -> Vec<Patch> {
     let own = &sweeps[sweep];
-    let stride = own.points.len().div_ceil(4 * PLANES).max(1);
+    let stride = own.points.len().div_ceil(PLANES_OF_SWEEP).max(1);
     let candidates: Vec<usize> = (0..own.points.len()).step_by(stride).collect();
     candidates
         .par_iter()
@@ -245,7 +252,7 @@ fn meetings<'a>(
                 speed += points.speeds[i as usize] * share;
             }
             met.push(Meeting {
-                pair: patch.sweep * sweeps.len() + other,
+                pair: [patch.sweep.min(other), patch.sweep.max(other)],
                 distance_m: patch.normal.dot(&(point - patch.center.coords)),
                 slope_m_per_s: patch.normal.dot(&(speed - patch.speed)),
             });
@@ -281,13 +288,13 @@ fn fit(met: &[Meeting], offset_s: f64) -> Option<Fit> {
         return None;
     }
     let offset_s = -pull / information;
-    let pairs = met.iter().map(|m| m.pair).max().unwrap_or(0) + 1;
-    let mut scores = vec![0.0; pairs];
+    let mut scores: BTreeMap<[usize; 2], f64> = BTreeMap::new();
     for m in met {
-        scores[m.pair] += weight(m) * m.slope_m_per_s * (m.distance_m + m.slope_m_per_s * offset_s);
+        let score = weight(m) * m.slope_m_per_s * (m.distance_m + m.slope_m_per_s * offset_s);
+        *scores.entry(m.pair).or_default() += score;
     }
-    let used = scores.iter().filter(|score| **score != 0.0).count() as f64;
-    let of_pairs = scores.iter().map(|score: &f64| score * score).sum::<f64>() * used / (used - 1.0).max(1.0);
+    let used = scores.values().filter(|score| **score != 0.0).count() as f64;
+    let of_pairs = scores.values().map(|score| score * score).sum::<f64>() * used / (used - 1.0).max(1.0);
     // Two sweeps alone cannot disagree with each other: neighbours on the surface share errors, say ten at a time.
     let of_points: f64 = met
         .iter()

@@ -51,17 +51,30 @@ impl JointTrack {
     /// # Errors
     /// See [`JointTrackError`].
     pub fn new(samples: Vec<JointSample>) -> Result<Self, JointTrackError> {
-        let mut before_s = f64::NEG_INFINITY;
-        for (index, sample) in samples.iter().enumerate() {
-            if !sample.q_rad.iter().chain([&sample.time_s]).all(|x| x.is_finite()) {
-                return Err(JointTrackError::NotFinite { index });
-            }
-            if sample.time_s <= before_s {
-                return Err(JointTrackError::Order { index, time_s: sample.time_s, before_s });
-            }
-            before_s = sample.time_s;
+        let mut track = Self { samples: Vec::with_capacity(samples.len()) };
+        samples.into_iter().try_for_each(|sample| track.push(sample))?;
+        Ok(track)
+    }
+
+    /// Goes on to another sample.
+    ///
+    /// # Errors
+    /// See [`JointTrackError`]; the track stays as it was.
+    pub fn push(&mut self, sample: JointSample) -> Result<(), JointTrackError> {
+        let index = self.samples.len();
+        let JointSample { time_s, q_rad } = &sample;
+        if !q_rad.iter().chain([time_s]).all(|x| x.is_finite()) {
+            return Err(JointTrackError::NotFinite { index });
         }
-        Ok(Self { samples })
+        match self.samples.last() {
+            Some(&JointSample { time_s: before_s, .. }) if *time_s <= before_s => {
+                Err(JointTrackError::Order { index, time_s: *time_s, before_s })
+            }
+            _ => {
+                self.samples.push(sample);
+                Ok(())
+            }
+        }
     }
 
     /// This track and then another.
@@ -69,8 +82,8 @@ impl JointTrack {
     /// # Errors
     /// When the other begins before this one ends.
     pub fn followed_by(mut self, other: Self) -> Result<Self, JointTrackError> {
-        self.samples.extend(other.samples);
-        Self::new(self.samples)
+        other.samples.into_iter().try_for_each(|sample| self.push(sample))?;
+        Ok(self)
     }
 
     /// All samples.

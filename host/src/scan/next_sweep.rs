@@ -25,7 +25,7 @@ pub struct Chain<'a> {
     pub table_height_m: f64,
     /// The scanner.
     pub instrument: &'a Instrument,
-    /// Rate, pitch, margin and field.
+    /// Rate, pitch, margin and field, and how many views more.
     pub settings: &'a SweepSettings,
     /// Whether the arm can carry the scanner along a pass.
     pub reachable: &'a dyn Fn(&[StripePose]) -> bool,
@@ -43,14 +43,13 @@ const LEAST_SHARE: f64 = 0.02;
 /// Time of the way to another view, against which the gain is weighed.
 const CHANGE_S: f64 = 1.0;
 
-/// Makes the sweeps of `first`, then at most `most` more views, each the best for what is still unseen. `scan` makes
-/// sweeps and gives their cloud, base frame. All sweeps that were made are returned, in their order.
+/// Makes the sweeps of `first`, then at most as many more views as the settings' `next_best` says, each the best for what
+/// is still unseen. `scan` makes sweeps and gives their cloud, base frame. All sweeps that were made are returned, in their order.
 ///
 /// # Errors
 /// Those of `scan`.
 pub fn chain<E>(
     first: SweepPlan,
-    most: u32,
     given: &Chain<'_>,
     scan: &mut dyn FnMut(&[Sweep]) -> Result<PointCloud, E>,
 ) -> Result<SweepPlan, E> {
@@ -60,13 +59,13 @@ pub fn chain<E>(
     let mut tried: Vec<[u32; 2]> = Vec::new();
     // What a view promised to show and did not.
     let mut given_up: BTreeSet<[usize; 3]> = BTreeSet::new();
-    for _ in 0..most {
-        let mut frontier = unseen.frontier();
-        frontier.retain(|f| !given_up.contains(&f.place));
+    let mut frontier = unseen.frontier();
+    for _ in 0..given.settings.next_best {
         let Some(next) = next_view(&unseen, &frontier, &tried, given) else { break };
         unseen.add(&scan(&next.sweeps)?);
-        let left: BTreeSet<[usize; 3]> = unseen.frontier().iter().map(|f| f.place).collect();
-        given_up.extend(next.promised.intersection(&left));
+        frontier = unseen.frontier();
+        given_up.extend(frontier.iter().map(|f| f.place).filter(|place| next.promised.contains(place)));
+        frontier.retain(|f| !given_up.contains(&f.place));
         tried.push(next.direction);
         made.sweeps.extend(next.sweeps);
     }
@@ -95,10 +94,13 @@ fn next_view(
     let mut promising: Vec<(f64, [u32; 2], View)> = Vec::new();
     for (t, tilt_deg) in (0..).zip(TILTS_DEG) {
         for a in 0..if tilt_deg == 0.0 { 1 } else { AZIMUTHS } {
+            if tried.contains(&[a, t]) {
+                continue;
+            }
             let azimuth_rad = TAU * f64::from(a) / f64::from(AZIMUTHS);
             let view = View::over(&target, azimuth_rad, tilt_deg.to_radians(), given)?;
             let gain = view.lit(frontier, unseen, given).count();
-            if gain >= least && !tried.contains(&[a, t]) {
+            if gain >= least {
                 promising.push((gain as f64 / (view.duration_s(given) + CHANGE_S), [a, t], view));
             }
         }
@@ -241,10 +243,11 @@ mod tests {
         built_in.object(1.0).unwrap().mesh.transformed(&Isometry3::translation(0.40, 0.0, 0.0))
     }
 
-    /// Chained sweeps over an object, and the frontier that the candidates could still show before and after.
+    /// Chained sweeps over an object, and what they saw of it.
     fn chained(mesh: &Mesh, most: u32, reachable: &dyn Fn(&[StripePose]) -> bool) -> (SweepPlan, PointCloud) {
         let (center, radius_m) = target_sphere(mesh);
-        let (instrument, settings) = (Instrument::default(), SweepSettings::paper());
+        let instrument = Instrument::default();
+        let settings = SweepSettings { next_best: most, ..SweepSettings::paper() };
         let given = Chain {
             center,
             radius_m,
@@ -255,7 +258,7 @@ mod tests {
         };
         let first = plan_sweeps(&center, radius_m, &instrument, &settings, reachable);
         let mut all = PointCloud { views: Some(Vec::new()), ..PointCloud::default() };
-        let plan = chain(first, most, &given, &mut |sweeps| {
+        let plan = chain(first, &given, &mut |sweeps| {
             let seen = scan(mesh, Some(Plane::horizontal(0.0)), sweeps, &instrument, 1)?.cloud;
             all.points.extend(&seen.points);
             all.views.iter_mut().for_each(|views| views.extend(seen.views.iter().flatten()));

@@ -66,8 +66,6 @@ pub struct ProfilePoint {
     pub y_m: f64,
     /// Away from the laser.
     pub z_m: f64,
-    /// Whether both cameras saw it.
-    pub by_both: bool,
 }
 
 /// What became of the stripes' pixels.
@@ -118,7 +116,7 @@ pub fn profile(
         match meet(sample, &right, &mut met, settings) {
             Meeting::Agreed(z) => {
                 counts.agreed += 1;
-                points.push(ProfilePoint { y_m: sample.y, z_m: z, by_both: true });
+                points.push(ProfilePoint { y_m: sample.y, z_m: z });
             }
             Meeting::Disagreed => counts.disagreed += 1,
             Meeting::Alone => alone(sample, &mut points, &mut counts),
@@ -134,7 +132,7 @@ pub fn profile(
 fn alone(sample: &Sample, points: &mut Vec<ProfilePoint>, counts: &mut ProfileCounts) {
     if sample.trusted {
         counts.by_one += 1;
-        points.push(ProfilePoint { y_m: sample.y, z_m: sample.z, by_both: false });
+        points.push(ProfilePoint { y_m: sample.y, z_m: sample.z });
     } else {
         counts.doubtful += 1;
     }
@@ -220,6 +218,5 @@ fn one(group: &[ProfilePoint], settings: &ProfileSettings) -> Option<ProfilePoin
     Some(ProfilePoint {
         y_m: group.iter().map(|point| point.y_m).sum::<f64>() * share,
         z_m: group.iter().map(|point| point.z_m).sum::<f64>() * share,
-        by_both: group.iter().any(|point| point.by_both),
     })
 }

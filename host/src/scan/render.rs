@@ -138,19 +138,9 @@ impl Renderer {
         })
     }
 
-    /// One exposure of one camera's whole sensor, the scanner at `base_from_scanner`. Pixels count from the centre of the
-    /// first; the stripe runs along the rows. The same seed gives the same image.
-    #[must_use]
-    pub fn exposure(&self, base_from_scanner: &Isometry3<f64>, camera: Camera, seed: u64) -> GrayImage {
-        let whole = Window { first_row_px: 0, rows_px: self.instrument.pixels[1] };
-        let mut cameras = [None, None];
-        cameras[camera as usize] = Some(whole);
-        let [left, right] = self.render(base_from_scanner, cameras, seed, 0);
-        left.or(right).unwrap_or_default()
-    }
-
-    /// Exposure number `frame` of both cameras, of which the given rows are read out. Each exposure has noise of its own
-    /// from the same seed.
+    /// Exposure number `frame` of both cameras, the scanner at `base_from_scanner`; the given rows are read out. Pixels
+    /// count from the centre of the first; the stripe runs along the rows. The same seed gives the same images, and each
+    /// exposure has noise of its own from it.
     #[must_use]
     pub fn exposures(
         &self,
@@ -159,16 +149,6 @@ impl Renderer {
         seed: u64,
         frame: u32,
     ) -> [GrayImage; 2] {
-        self.render(base_from_scanner, windows.map(Some), seed, frame).map(Option::unwrap_or_default)
-    }
-
-    fn render(
-        &self,
-        base_from_scanner: &Isometry3<f64>,
-        windows: [Option<Window>; 2],
-        seed: u64,
-        frame: u32,
-    ) -> [Option<GrayImage>; 2] {
         let sheets: Vec<Vec<Option<Spot>>> = self
             .sheets
             .iter()
@@ -178,11 +158,10 @@ impl Renderer {
         let bounce = |spot: &Option<Spot>| self.bounce(&scanner_from_base, spot.as_ref()?);
         let again: Vec<Option<Spot>> = sheets[self.middle].iter().map(bounce).collect();
         Camera::ALL.map(|camera| {
-            let window = windows[camera as usize]?;
             let mut rng = ChaCha8Rng::seed_from_u64(seed);
             rng.set_stream(2 * u64::from(frame) + camera as u64);
             let center = base_from_scanner * self.instrument.camera_center(camera);
-            let mut light = Light::new(self.instrument.pixels[0], window);
+            let mut light = Light::new(self.instrument.pixels[0], windows[camera as usize]);
             let whole = (&again, self.optics.exposure, self.whole_sigma_px);
             let thin = self.sheets.iter().zip(&sheets).map(|(sheet, s)| (s, sheet.level, self.sigma_px));
             for (spots, level, sigma_px) in thin.chain([whole]) {
@@ -199,7 +178,7 @@ impl Renderer {
                     before = lit;
                 }
             }
-            Some(light.expose(&self.optics, &mut rng))
+            light.expose(&self.optics, &mut rng)
         })
     }
 

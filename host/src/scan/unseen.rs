@@ -86,28 +86,16 @@ impl Unseen {
         }
         for (point, view) in cloud.points.iter().zip(cloud.views.iter().flatten()) {
             let on_table = point.z <= self.table_height_m + TABLE_M;
-            self.walk(point, view, if on_table { TABLE_CLEARANCE } else { CLEARANCE }, |voxel| {
-                if *voxel == Voxel::Unknown {
-                    *voxel = Voxel::Empty;
-                }
-                true
-            });
+            self.empty(point, view, if on_table { TABLE_CLEARANCE } else { CLEARANCE });
         }
     }
 
-    /// Shows the voxels along a ray until it leaves the box for good or `see` has seen enough.
-    fn walk(
-        &mut self,
-        from: &Point3<f64>,
-        direction: &Vector3<f64>,
-        clearance: f64,
-        mut see: impl FnMut(&mut Voxel) -> bool,
-    ) {
-        let steps = self.steps();
-        for i in 0..steps {
+    /// Empties the unknown voxels along a ray until it leaves the box for good.
+    fn empty(&mut self, from: &Point3<f64>, direction: &Vector3<f64>, clearance: f64) {
+        for i in 0..self.steps() {
             let at = from + direction * ((clearance + STEP * f64::from(i)) * VOXEL_M);
             match self.index(&at) {
-                Some(index) if !see(&mut self.voxels[index]) => return,
+                Some(index) if self.voxels[index] == Voxel::Unknown => self.voxels[index] = Voxel::Empty,
                 Some(_) => {}
                 None if self.has_left(&at, direction) => return,
                 None => {}

@@ -4,8 +4,33 @@ use serde::{Deserialize, Serialize};
 
 /// A convex polygon, counter-clockwise as (u, v) axes go, pixels.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "Stored")]
 pub struct Hull {
     corners_px: Vec<[f64; 2]>,
+}
+
+#[derive(Deserialize)]
+struct Stored {
+    corners_px: Vec<[f64; 2]>,
+}
+
+impl TryFrom<Stored> for Hull {
+    type Error = String;
+
+    fn try_from(Stored { corners_px }: Stored) -> Result<Self, String> {
+        if corners_px.len() < 3 {
+            return Err(format!("the hull has {} corners, 3 are the least", corners_px.len()));
+        }
+        if let Some([u, v]) = corners_px.iter().find(|corner| !corner.iter().all(|x| x.is_finite())) {
+            return Err(format!("the hull has the corner ({u}, {v})"));
+        }
+        // Clockwise or flat, no pixel would be inside.
+        let ends = corners_px.iter().zip(corners_px.iter().skip(1));
+        if ends.map(|(&a, &b)| turn(corners_px[0], a, b)).sum::<f64>() <= 0.0 {
+            return Err("the hull's corners do not go counter-clockwise around an area".to_owned());
+        }
+        Ok(Self { corners_px })
+    }
 }
 
 /// Twice the area of a triangle; positive when it turns from u to v.

@@ -134,6 +134,26 @@ fn a_stored_calibration_measures_the_same() {
     let message = fails(&short);
     assert!(message.contains("91 weights instead of 92"), "{message}");
     assert!(!fails("version = \n").contains('\n'));
+    let corners = calibration.hull().corners_px();
+    let hull = |corners: &[[f64; 2]]| {
+        let (before, after) = text.split_once("corners_px = ").unwrap();
+        let (_, after) = after.split_once("]]").unwrap();
+        let corners = format!("{corners:?}").replace("NaN", "nan");
+        Calibration::from_toml(&format!("{before}corners_px = {corners}{after}"))
+    };
+    assert_eq!(hull(corners).unwrap(), calibration);
+    let refused = |corners: &[[f64; 2]]| hull(corners).unwrap_err().to_string();
+    for few in 0..3 {
+        let message = refused(&corners[..few]);
+        assert!(message.contains(&format!("the hull has {few} corners, 3 are the least")), "{message}");
+    }
+    for wild in [f64::NAN, f64::INFINITY] {
+        let message = refused(&[corners[0], [1.5, wild], corners[1], corners[2]]);
+        assert!(message.contains(&format!("the hull has the corner (1.5, {wild})")), "{message}");
+    }
+    let backwards: Vec<[f64; 2]> = corners.iter().rev().copied().collect();
+    assert!(refused(&backwards).contains("do not go counter-clockwise"));
+    assert!(refused(&[corners[0]; 4]).contains("do not go counter-clockwise"));
 }
 
 #[test]

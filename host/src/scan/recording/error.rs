@@ -4,8 +4,11 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use super::JOINTS;
+use crate::io::TextError;
 use crate::plan::arm::ArmFileError;
 use crate::scan::calibrate::CalibrationFileError;
+use crate::scan::joints::JointTrackError;
 
 /// Why a recording cannot be read or written. Every message is one line that names the file.
 #[derive(Debug, Error)]
@@ -24,13 +27,21 @@ pub enum RecordingError {
         /// The folder.
         path: PathBuf,
     },
-    /// A text larger than any recording's.
-    #[error("{}: larger than {} MB", .path.display(), .limit_bytes >> 20)]
-    TooLarge {
+    /// A file that gives no text, or one larger than any recording's.
+    #[error("{}: {source}", .path.display())]
+    Text {
         /// The file.
         path: PathBuf,
-        /// Largest size that is read.
-        limit_bytes: u64,
+        /// Why.
+        source: TextError,
+    },
+    /// More frames than any recording has.
+    #[error("{}: more than {most} frames", .path.display())]
+    TooManyFrames {
+        /// The table.
+        path: PathBuf,
+        /// The most that are read.
+        most: usize,
     },
     /// `scan.toml` is no TOML, or has a key that means nothing, or lacks one.
     #[error("{}: {message}", .path.display())]
@@ -87,6 +98,18 @@ pub enum RecordingError {
     UnknownArm,
 }
 
+impl From<JointTrackError> for RowProblem {
+    fn from(error: JointTrackError) -> Self {
+        match error {
+            JointTrackError::Order { time_s, before_s, .. } => Self::Time { time_s, before_s },
+            // Cells that hold no finite numbers are told by their columns before.
+            JointTrackError::NotFinite { .. } => {
+                Self::Value { column: JOINTS.to_owned(), found: error.to_string() }
+            }
+        }
+    }
+}
+
 /// What is wrong in a line of a table.
 #[derive(Debug, Clone, PartialEq, Error)]
 pub enum RowProblem {
@@ -98,9 +121,6 @@ pub enum RowProblem {
         /// The line, shortened.
         found: String,
     },
-    /// Not UTF-8.
-    #[error("not UTF-8 text")]
-    Encoding,
     /// A line with too few or too many columns.
     #[error("{found} columns instead of {wanted}")]
     Columns {

@@ -36,7 +36,7 @@ pub(super) struct Manifest {
     pub(super) arm: String,
     #[serde(default)]
     pub(super) clock: Clock,
-    pub(super) palm_from_scanner: Pose,
+    palm_from_scanner: Pose,
     pub(super) left: CameraEntry,
     pub(super) right: CameraEntry,
 }
@@ -50,7 +50,7 @@ pub(super) struct Clock {
 
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Pose {
+struct Pose {
     position_m: [f64; 3],
     orientation_wxyz: [f64; 4],
 }
@@ -70,13 +70,13 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 const ROUNDING: f64 = 1e-12;
 
 impl Pose {
-    pub(super) fn of(pose: &Isometry3<f64>) -> Self {
+    fn of(pose: &Isometry3<f64>) -> Self {
         let q = pose.rotation.quaternion();
         Self { position_m: pose.translation.vector.into(), orientation_wxyz: [q.w, q.i, q.j, q.k] }
     }
 
     /// `None` when the numbers are no pose.
-    pub(super) fn isometry(&self) -> Option<Isometry3<f64>> {
+    fn isometry(&self) -> Option<Isometry3<f64>> {
         let [w, i, j, k] = self.orientation_wxyz;
         let quaternion = Quaternion::new(w, i, j, k);
         let off = (quaternion.norm() - 1.0).abs();
@@ -124,8 +124,8 @@ impl Manifest {
         }
     }
 
-    /// Reads and checks the text of `path`.
-    pub(super) fn parse(path: &Path, text: &str) -> Result<Self, RecordingError> {
+    /// Reads and checks the text of `path`; with it comes `palm_from_scanner`, which is a pose.
+    pub(super) fn parse(path: &Path, text: &str) -> Result<(Self, Isometry3<f64>), RecordingError> {
         let wrong = |message: String| RecordingError::Manifest { path: path.to_owned(), message };
         let manifest: Self = toml::from_str(text).map_err(|error| {
             let start = error.span().map_or(0, |span| span.start);
@@ -143,11 +143,9 @@ impl Manifest {
         if !manifest.clock.offset_s.is_finite() {
             return Err(wrong("clock.offset_s is not a finite number".to_owned()));
         }
-        if manifest.palm_from_scanner.isometry().is_none() {
-            return Err(wrong(
-                "palm_from_scanner is no pose: finite numbers and a quaternion of length 1".to_owned(),
-            ));
-        }
+        let palm_from_scanner = manifest.palm_from_scanner.isometry().ok_or_else(|| {
+            wrong("palm_from_scanner is no pose: finite numbers and a quaternion of length 1".to_owned())
+        })?;
         for (key, camera) in [("left", &manifest.left), ("right", &manifest.right)] {
             let sides = [camera.columns_px, camera.rows_px];
             if sides.contains(&0) || sides.iter().chain([&camera.first_row_px]).any(|&n| n > MAX_SIDE_PX) {
@@ -160,6 +158,6 @@ impl Manifest {
                 return Err(wrong(format!("{name:?} is not the name of a file in the folder")));
             }
         }
-        Ok(manifest)
+        Ok((manifest, palm_from_scanner))
     }
 }

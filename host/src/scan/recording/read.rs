@@ -1,7 +1,5 @@
 //! Reading a recording.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use rayon::prelude::*;
@@ -11,11 +9,12 @@ use super::images::read_png;
 use super::manifest::{CameraEntry, Content, Manifest};
 use super::tables::{FrameRow, read_frames, read_joints, read_stripes};
 use super::{FRAMES, JOINTS, MANIFEST, STRIPES, image_name};
+use crate::io::read_text;
 use crate::plan::arm::Arm;
 use crate::scan::Camera;
 use crate::scan::calibrate::Calibration;
 use crate::scan::capture::{Capture, Frame};
-use crate::scan::joints::{JointTrack, JointTrackError};
+use crate::scan::joints::JointTrack;
 use crate::scan::profile::{StripePixel, stripe_pixels};
 use crate::scan::render::Window;
 use crate::scan::rig::{Rig, StripeCamera};
@@ -44,7 +43,7 @@ const MAX_FRAMES: usize = 1 << 20;
 /// When a file is missing, damaged, or says what cannot be; see [`RecordingError`].
 pub fn read_recording(folder: &Path) -> Result<ReadRecording, RecordingError> {
     let path = folder.join(MANIFEST);
-    let manifest = Manifest::parse(&path, &text(&path, MAX_TEXT_BYTES)?)?;
+    let (manifest, palm_from_scanner) = Manifest::parse(&path, &text(&path, MAX_TEXT_BYTES)?)?;
     let arm = if manifest.arm == "rx60" {
         Arm::rx60()
     } else {
@@ -53,13 +52,9 @@ pub fn read_recording(folder: &Path) -> Result<ReadRecording, RecordingError> {
         Arm::from_toml(&text).map_err(|source| RecordingError::Arm { path, source })?
     };
     let cameras = [camera(folder, &manifest.left)?, camera(folder, &manifest.right)?];
-    let palm_from_scanner = manifest.palm_from_scanner.isometry();
-    let palm_from_scanner = palm_from_scanner.ok_or_else(|| RecordingError::Manifest {
-        path: path.clone(),
-        message: "palm_from_scanner is no pose".to_owned(),
-    })?;
     let rig = Rig { cameras, palm_from_scanner };
-    let joints = joints(folder)?;
+    let path = folder.join(JOINTS);
+    let joints = read_joints(&path, &text(&path, MAX_TABLE_BYTES)?)?;
     let rows = frames(folder, &joints, manifest.clock.offset_s)?;
     let (stripes, warnings) = match manifest.content {
         Content::Frames => from_images(folder, &rows, &rig)?,
@@ -82,23 +77,12 @@ fn camera(folder: &Path, entry: &CameraEntry) -> Result<StripeCamera, RecordingE
     Ok(StripeCamera { calibration, columns_px: entry.columns_px, window })
 }
 
-fn joints(folder: &Path) -> Result<JointTrack, RecordingError> {
-    let path = folder.join(JOINTS);
-    let samples = read_joints(&path, &text(&path, MAX_TABLE_BYTES)?)?;
-    // The table's reader has checked what a track checks; it knows the lines.
-    JointTrack::new(samples).map_err(|error| {
-        let (JointTrackError::Order { index, .. } | JointTrackError::NotFinite { index }) = error;
-        let problem = RowProblem::Value { column: "t_s".to_owned(), found: error.to_string() };
-        RecordingError::Row { path, line: index + 2, problem }
-    })
-}
-
 /// The frames' rows on the arm's clock, as far as it is known.
 fn frames(folder: &Path, joints: &JointTrack, offset_s: f64) -> Result<Vec<FrameRow>, RecordingError> {
     let path = folder.join(FRAMES);
     let mut rows = read_frames(&path, &text(&path, MAX_TABLE_BYTES)?)?;
     if rows.len() > MAX_FRAMES {
-        return Err(RecordingError::TooLarge { path, limit_bytes: MAX_TABLE_BYTES });
+        return Err(RecordingError::TooManyFrames { path, most: MAX_FRAMES });
     }
     let ends = [joints.samples().first(), joints.samples().last()];
     let [first_s, last_s] = ends.map(|sample| sample.map_or(f64::NAN, |sample| sample.time_s));
@@ -160,18 +144,6 @@ fn from_table(folder: &Path, rows: &[FrameRow], rig: &Rig) -> Result<Vec<FrameSt
     Ok(stripes)
 }
 
-/// The text of a file.
 fn text(path: &Path, limit_bytes: u64) -> Result<String, RecordingError> {
-    let system = |source| RecordingError::System { path: path.to_owned(), source };
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(system)?;
-    file.take(limit_bytes + 1).read_to_end(&mut bytes).map_err(system)?;
-    if bytes.len() as u64 > limit_bytes {
-        return Err(RecordingError::TooLarge { path: path.to_owned(), limit_bytes });
-    }
-    String::from_utf8(bytes).map_err(|error| {
-        let good = &error.as_bytes()[..error.utf8_error().valid_up_to()];
-        let line = good.iter().filter(|&&byte| byte == b'\n').count() + 1;
-        RecordingError::Row { path: path.to_owned(), line, problem: RowProblem::Encoding }
-    })
+    read_text(path, limit_bytes).map_err(|source| RecordingError::Text { path: path.to_owned(), source })
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 use super::error::{RecordingError, RowProblem};
 use crate::scan::Camera;
 use crate::scan::capture::Frame;
-use crate::scan::joints::JointSample;
+use crate::scan::joints::{JointSample, JointTrack};
 use crate::scan::profile::StripePixel;
 use crate::scan::rig::StripeCamera;
 use crate::scan::stripe::StripeCenter;
@@ -124,24 +124,20 @@ pub(super) fn write_frames(writer: &mut dyn Write, frames: &[Frame]) -> io::Resu
     Ok(())
 }
 
-pub(super) fn read_joints(path: &Path, text: &str) -> Result<Vec<JointSample>, RecordingError> {
-    let mut before_s = f64::NEG_INFINITY;
-    let samples = rows(path, text, &JOINT_COLUMNS, |row| {
+pub(super) fn read_joints(path: &Path, text: &str) -> Result<JointTrack, RecordingError> {
+    let mut track = JointTrack::default();
+    rows(path, text, &JOINT_COLUMNS, |row| {
         let time_s = row.number(0)?;
-        if time_s <= before_s {
-            return Err(row.wrong(RowProblem::Time { time_s, before_s }));
-        }
-        before_s = time_s;
         let mut q_rad = [0.0; 6];
         for (axis, q) in q_rad.iter_mut().enumerate() {
             *q = row.number(axis + 1)?;
         }
-        Ok(JointSample { time_s, q_rad })
+        track.push(JointSample { time_s, q_rad }).map_err(|error| row.wrong(error.into()))
     })?;
-    if samples.is_empty() {
+    if track.samples().is_empty() {
         return Err(RecordingError::Nothing { path: path.to_owned(), what: "joints" });
     }
-    Ok(samples)
+    Ok(track)
 }
 
 pub(super) fn write_joints(writer: &mut dyn Write, samples: &[JointSample]) -> io::Result<()> {

@@ -35,7 +35,7 @@ fn record(folder: &Path, content: Content) -> (PathBuf, Capture) {
     let rig = Rig::calibrated(&instrument, &optics, 1).unwrap();
     let renderer = Renderer::new(&object, Some(Plane::horizontal(0.0)), &instrument, &optics).unwrap();
     let target = folder.join("recording");
-    let writer = RecordingWriter::create(&target, content).unwrap();
+    let writer = RecordingWriter::create(&target, content, &arm).unwrap();
     let sink = |frame: u32, camera: Camera, image: &image::GrayImage| writer.image(frame, camera, image);
     let sweeps = [CarriedSweep { sweep, joints }];
     let capture = virtual_capture(
@@ -72,12 +72,13 @@ fn a_recording_overwrites_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let taken = folder.path().join("taken");
     fs::create_dir(&taken).unwrap();
-    let error = RecordingWriter::create(&taken, Content::Frames).unwrap_err();
+    let create = |target: &Path| RecordingWriter::create(target, Content::Frames, &Arm::rx60());
+    let error = create(&taken).unwrap_err();
     assert!(error.to_string().ends_with("taken: is already there; a recording overwrites nothing"));
     let nowhere = folder.path().join("nowhere/recording");
-    assert!(matches!(RecordingWriter::create(&nowhere, Content::Frames), Err(RecordingError::System { .. })));
+    assert!(matches!(create(&nowhere), Err(RecordingError::System { .. })));
     // Given up half way, nothing stays.
-    drop(RecordingWriter::create(&folder.path().join("half"), Content::Frames).unwrap());
+    drop(create(&folder.path().join("half")).unwrap());
     assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
 }
 

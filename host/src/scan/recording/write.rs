@@ -15,6 +15,7 @@ use super::{FRAMES, IMAGES, JOINTS, MANIFEST, STRIPES, image_name};
 use crate::plan::arm::Arm;
 use crate::scan::Camera;
 use crate::scan::capture::Capture;
+use crate::scan::rig::{Rig, StripeCamera};
 
 /// A recording that is being made. Dropped before [`RecordingWriter::finish`], it leaves nothing behind.
 #[derive(Debug)]
@@ -24,12 +25,18 @@ pub struct RecordingWriter {
     folder: TempDir,
 }
 
+/// The name by which a recording knows its arm.
+fn name_of(arm: &Arm) -> Result<&'static str, RecordingError> {
+    if *arm == Arm::rx60() { Ok("rx60") } else { Err(RecordingError::UnknownArm) }
+}
+
 impl RecordingWriter {
-    /// Begins a recording that will be the folder `target`.
+    /// Begins a recording of a scan by `arm` that will be the folder `target`.
     ///
     /// # Errors
-    /// When `target` is there already, or its parent is not a folder that can be written.
-    pub fn create(target: &Path, content: Content) -> Result<Self, RecordingError> {
+    /// When the arm is not the built-in one, `target` is there already, or its parent is not a folder that can be written.
+    pub fn create(target: &Path, content: Content, arm: &Arm) -> Result<Self, RecordingError> {
+        name_of(arm)?;
         if fs::symlink_metadata(target).is_ok() {
             return Err(RecordingError::Exists { path: target.to_owned() });
         }
@@ -64,28 +71,17 @@ impl RecordingWriter {
     /// Adds everything else, and gives the folder its name.
     ///
     /// # Errors
-    /// When something cannot be written, or the arm is not the built-in one.
+    /// When something cannot be written, or the capture is not by the built-in arm.
     pub fn finish(self, capture: &Capture) -> Result<(), RecordingError> {
-        if capture.arm != Arm::rx60() {
-            return Err(RecordingError::UnknownArm);
-        }
-        let mut entries = Vec::new();
-        for (camera, stripe_camera) in Camera::ALL.into_iter().zip(&capture.rig.cameras) {
-            let name = format!("{}.toml", camera.name());
-            let path = self.target.join(&name);
-            let text = stripe_camera.calibration.to_toml();
-            let text = text.map_err(|source| RecordingError::Calibration { path, source })?;
-            self.write(&name, |writer| writer.write_all(text.as_bytes()))?;
-            entries.push(CameraEntry::of(stripe_camera, &name));
-        }
-        if let Ok(cameras) = entries.try_into() {
-            let manifest = Manifest::new(self.content, "rx60", &capture.rig.palm_from_scanner, cameras);
-            let text = toml::to_string(&manifest).map_err(|error| RecordingError::Manifest {
-                path: self.target.join(MANIFEST),
-                message: error.to_string(),
-            })?;
-            self.write(MANIFEST, |writer| writer.write_all(text.as_bytes()))?;
-        }
+        let arm = name_of(&capture.arm)?;
+        let Rig { cameras: [left, right], palm_from_scanner } = &capture.rig;
+        let cameras = [self.calibration(Camera::Left, left)?, self.calibration(Camera::Right, right)?];
+        let manifest = Manifest::new(self.content, arm, palm_from_scanner, cameras);
+        let text = toml::to_string(&manifest).map_err(|error| RecordingError::Manifest {
+            path: self.target.join(MANIFEST),
+            message: error.to_string(),
+        })?;
+        self.write(MANIFEST, |writer| writer.write_all(text.as_bytes()))?;
         self.write(FRAMES, |writer| write_frames(writer, &capture.frames))?;
         self.write(JOINTS, |writer| write_joints(writer, capture.joints.samples()))?;
         if self.content == Content::Stripes {
@@ -100,6 +96,16 @@ impl RecordingWriter {
         // Nothing is left under the temporary name.
         let _ = self.folder.keep();
         Ok(())
+    }
+
+    /// Writes a camera's calibration; gives what the description says of it.
+    fn calibration(&self, camera: Camera, of: &StripeCamera) -> Result<CameraEntry, RecordingError> {
+        let name = format!("{}.toml", camera.name());
+        let text = of.calibration.to_toml();
+        let path = self.target.join(&name);
+        let text = text.map_err(|source| RecordingError::Calibration { path, source })?;
+        self.write(&name, |writer| writer.write_all(text.as_bytes()))?;
+        Ok(CameraEntry::of(of, &name))
     }
 
     fn write(
