@@ -222,24 +222,34 @@ pub(super) struct RawCloud {
     pub(super) points: Vec<Point3<f64>>,
     pub(super) normals: Option<Vec<Vector3<f64>>>,
     pub(super) views: Option<Vec<Vector3<f64>>>,
+    /// Numbers of the sweeps.
+    pub(super) sweeps: Option<Vec<f64>>,
     /// Where all points were seen from, in the unit of the file. `views` goes before it.
     pub(super) viewpoint: Option<Point3<f64>>,
 }
 
 impl RawCloud {
     /// An empty cloud that has these attributes.
-    pub(super) fn with(normals: bool, views: bool) -> Self {
-        Self { normals: normals.then(Vec::new), views: views.then(Vec::new), ..Self::default() }
+    pub(super) fn with(normals: bool, views: bool, sweeps: bool) -> Self {
+        Self {
+            normals: normals.then(Vec::new),
+            views: views.then(Vec::new),
+            sweeps: sweeps.then(Vec::new),
+            ..Self::default()
+        }
     }
 
-    /// Adds a point; `values` are x y z, normal, view, of which only those that the cloud has are looked at.
-    pub(super) fn push(&mut self, values: &[f64; 9]) {
+    /// Adds a point; `values` are x y z, normal, view, sweep, of which only those that the cloud has are looked at.
+    pub(super) fn push(&mut self, values: &[f64; 10]) {
         self.points.push(Point3::new(values[0], values[1], values[2]));
         if let Some(normals) = &mut self.normals {
             normals.push(Vector3::new(values[3], values[4], values[5]));
         }
         if let Some(views) = &mut self.views {
             views.push(Vector3::new(values[6], values[7], values[8]));
+        }
+        if let Some(sweeps) = &mut self.sweeps {
+            sweeps.push(values[9]);
         }
     }
 
@@ -261,6 +271,7 @@ impl RawCloud {
             points: self.points.into_iter().map(|point| point.map(|c| unit.to_metres(c) + 0.0)).collect(),
             normals: directions(self.normals, "normals", &mut warnings),
             views: directions(self.views, "lines of sight", &mut warnings),
+            sweeps: sweep_numbers(self.sweeps, &mut warnings),
         };
         let cloud = cloud.checked().map_err(|problem| Problem::from(problem).at(Place::File))?;
         if let Some((low, high)) = cloud.bounding_box() {
@@ -278,6 +289,7 @@ impl RawCloud {
         retain(&mut self.points, kept);
         self.normals.iter_mut().for_each(|normals| retain(normals, kept));
         self.views.iter_mut().for_each(|views| retain(views, kept));
+        self.sweeps.iter_mut().for_each(|sweeps| retain(sweeps, kept));
     }
 }
 
@@ -304,6 +316,17 @@ fn directions(
         return None;
     }
     Some(units)
+}
+
+/// Numbers of sweeps; none at all when one of them is no small whole number.
+fn sweep_numbers(numbers: Option<Vec<f64>>, warnings: &mut Vec<String>) -> Option<Vec<u16>> {
+    let numbers = numbers?;
+    let whole = |&number: &f64| number.fract() == 0.0 && (0.0..=f64::from(u16::MAX)).contains(&number);
+    if !numbers.iter().all(whole) {
+        warnings.push(format!("sweeps ignored: not all are whole numbers from 0 to {}", u16::MAX));
+        return None;
+    }
+    Some(numbers.into_iter().map(|number| number as u16).collect())
 }
 
 fn size_warning(size_m: f64, largest_m: f64, unit: Unit) -> Option<String> {

@@ -58,6 +58,7 @@ fn cloud(points: usize, normals: bool, views: bool) -> PointCloud {
         points: (0..points).map(|k| Point3::new(k as f64 * 1e-4, 0.1 / (k + 1) as f64, -0.02)).collect(),
         normals: normals.then(|| (0..points).map(|k| direction(k, 0.7)).collect()),
         views: views.then(|| (0..points).map(|k| direction(k, 1.3)).collect()),
+        sweeps: views.then(|| (0..points).map(|k| (k % 7) as u16).collect()),
     }
 }
 
@@ -118,6 +119,7 @@ fn clouds_come_back_from_every_format_with_what_they_carry() {
             let back = back.value;
             assert_near(&back.points, &cloud.points, 1e-8);
             assert_eq!((back.normals.is_some(), back.views.is_some()), (normals, views), "{format:?}");
+            assert_eq!(back.sweeps, cloud.sweeps, "{format:?}");
             for (back, sent) in [(&back.normals, &cloud.normals), (&back.views, &cloud.views)] {
                 for (back, sent) in back.iter().flatten().zip(sent.iter().flatten()) {
                     assert!((back.into_inner() - sent.into_inner()).norm() < 1e-6);

@@ -7,7 +7,7 @@ use super::body::Body;
 use super::header::{Element, Encoding, Header, Kind};
 
 /// Properties of a vertex that are kept, in the order of [`RawCloud::push`].
-const KEPT: [[&str; 2]; 9] = [
+const KEPT: [[&str; 2]; 10] = [
     ["x", "x"],
     ["y", "y"],
     ["z", "z"],
@@ -17,6 +17,7 @@ const KEPT: [[&str; 2]; 9] = [
     ["view_x", "view_x"],
     ["view_y", "view_y"],
     ["view_z", "view_z"],
+    ["sweep", "sweep"],
 ];
 
 /// A mesh when the file has faces or strips, else a cloud.
@@ -86,9 +87,9 @@ fn vertices(body: &mut Body<'_>, element: &Element) -> Result<RawCloud, Fault> {
     if !has(0..3) {
         return Err(Problem::Missing("x, y or z of the vertices").at(Place::File));
     }
-    let mut cloud = RawCloud::with(has(3..6), has(6..9));
+    let mut cloud = RawCloud::with(has(3..6), has(6..9), has(9..10));
     for index in 0..element.count {
-        let mut values = [0.0; 9];
+        let mut values = [0.0; 10];
         let record = body.begin_record().and_then(|()| {
             for (property, slot) in element.properties.iter().zip(&slots) {
                 match (&property.kind, slot) {

@@ -6,7 +6,7 @@ use super::super::cloud_columns;
 use super::header::Encoding;
 use crate::surface::{Mesh, PointCloud};
 
-const NAMES: [&str; 9] = ["x", "y", "z", "nx", "ny", "nz", "view_x", "view_y", "view_z"];
+const NAMES: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "view_x", "view_y", "view_z", "sweep"];
 
 /// A mesh. `encoding` is ascii or little endian; big endian is only read.
 pub(in super::super) fn write_mesh(
