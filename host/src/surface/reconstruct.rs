@@ -16,6 +16,7 @@ use super::{
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
+    register::{Registration, register},
     sharpen::sharp_contour,
     table::{Plane, TableTop, find_table},
     tangent::{Tangent, Tangents, tangents},
@@ -59,6 +60,8 @@ pub struct Settings {
     pub table_margin_m: Option<f64>,
     /// Complete the unseen to a closed body.
     pub close: bool,
+    /// Move the sweeps of the scan onto each other first, where the cloud knows its sweeps.
+    pub register: bool,
     /// Remove stray points first.
     pub outliers: bool,
     /// Connected parts with less than this share of the largest one's area are dropped.
@@ -78,6 +81,7 @@ impl Default for Settings {
             table: Table::None,
             table_margin_m: None,
             close: false,
+            register: true,
             outliers: true,
             smallest_part: 0.02,
             seed: 0,
@@ -138,6 +142,8 @@ pub struct Report {
     pub cell_m: f64,
     /// The table, given or found, in the cloud's frame.
     pub table: Option<Plane>,
+    /// How the sweeps were moved onto each other.
+    pub registration: Registration,
     /// How the mesh was closed.
     pub closing: Closing,
     /// Triangles of the mesh.
@@ -221,7 +227,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     check_settings(settings)?;
     let mut seconds = StageSeconds::default();
     let mut clock = Clock(Instant::now());
-    let Cleaned { object, sights, table } = clean(cloud, settings)?;
+    let Cleaned { object, sights, table, registration } = clean(cloud, settings)?;
     seconds.clean_s = clock.lap();
 
     let grid = Grid::for_surface(&object.points);
@@ -299,6 +305,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
         spacing_m: spacing,
         cell_m,
         table,
+        registration,
         closing,
         triangles: mesh.faces().len(),
         watertight: open_edges == 0,
@@ -350,6 +357,7 @@ struct Cleaned {
     object: PointCloud,
     sights: Vec<Sight>,
     table: Option<Plane>,
+    registration: Registration,
 }
 
 fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, ReconstructError> {
@@ -362,13 +370,24 @@ fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, Reconstruct
     not_on_a_line(&scene.points)?;
     let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
     let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
-    let Thinned { cloud: thinned, voxel_of } = thin(&scene, voxel_m);
+    let mut thin_scene = thin(&scene, voxel_m);
+    let thinned = &thin_scene.cloud;
     let spacing = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
     let table = match settings.table {
         Table::None => None,
-        Table::Auto => find_table(&thinned, spacing.max(0.002 * extent), settings.seed),
+        Table::Auto => find_table(thinned, spacing.max(0.002 * extent), settings.seed),
         Table::Plane(plane) => Some(TableTop::endless(plane)),
     };
+    let registration = if settings.register {
+        register(&scene, table.as_ref().map(|table| &table.plane))
+    } else {
+        Registration::OneSweep
+    };
+    if matches!(registration, Registration::Moved(_)) {
+        scene = registration.applied(&scene);
+        thin_scene = thin(&scene, voxel_m);
+    }
+    let Thinned { cloud: thinned, voxel_of } = thin_scene;
     let margin = settings.table_margin_m.unwrap_or_else(|| spacing.max(0.001));
     let carried = |p: &Point3<f64>| table.is_none_or(|table| table.carries(p, margin));
     let on_table = |p: &Point3<f64>| table.is_some_and(|table| table.plane.height(p).abs() <= margin);
@@ -388,7 +407,7 @@ fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, Reconstruct
         .filter(|((_, point), voxel)| keep[**voxel as usize] || on_table(point))
         .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
         .collect();
-    Ok(Cleaned { object, sights, table: table.map(|table| table.plane) })
+    Ok(Cleaned { object, sights, table: table.map(|table| table.plane), registration })
 }
 
 /// Errors when the points vary along one direction at most.
