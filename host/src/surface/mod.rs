@@ -10,6 +10,7 @@ pub mod orient;
 pub mod outlier;
 pub mod reconstruct;
 pub mod register;
+pub mod scene;
 mod sharpen;
 pub mod table;
 pub mod tangent;
@@ -17,6 +18,9 @@ pub mod thin;
 
 pub use cloud::{CloudError, PointCloud};
 pub use mesh::{Mesh, MeshError};
-pub use reconstruct::{Closing, ReconstructError, Reconstruction, Report, Settings, Table, reconstruct};
+pub use reconstruct::{
+    Closing, ReconstructError, Reconstruction, Report, Settings, Survey, Table, reconstruct,
+};
 pub use register::{Registration, register};
+pub use scene::{Pick, SceneObject};
 pub use table::Plane;

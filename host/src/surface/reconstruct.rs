@@ -17,6 +17,7 @@ use super::{
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
     register::{Registration, register},
+    scene::{Pick, SceneObject, objects},
     sharpen::sharp_contour,
     table::{Plane, TableTop, find_table},
     tangent::{Tangent, Tangents, tangents},
@@ -28,6 +29,9 @@ pub const FEWEST_POINTS: usize = 30;
 
 /// Edge of a lattice cell per spacing of the points. Larger cells cut corners: a rim of 3 mm loses a millimetre at 1.5.
 const CELL_PER_SPACING: f64 = 1.1;
+
+/// Points belong to the table up to this many times how far its points scatter below its plane.
+const SCATTERS: f64 = 1.25;
 
 /// Where the table is.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -56,10 +60,13 @@ pub struct Settings {
     pub crop: Option<(Point3<f64>, Point3<f64>)>,
     /// Where the table is.
     pub table: Table,
-    /// Points lower than this over the table belong to the table; by default the greater of 1 mm and the spacing.
+    /// Points lower than this over the table belong to the table; by default the greatest of 1 mm, the spacing, and
+    /// somewhat more than what a table that was found scatters to below its plane.
     pub table_margin_m: Option<f64>,
     /// Complete the unseen to a closed body.
     pub close: bool,
+    /// Which of several objects on the table to take; [`reconstruct`] takes all as one body, see [`Survey`].
+    pub pick: Pick,
     /// Move the sweeps of the scan onto each other first, where the cloud knows its sweeps.
     pub register: bool,
     /// Remove stray points first.
@@ -81,6 +88,7 @@ impl Default for Settings {
             table: Table::None,
             table_margin_m: None,
             close: false,
+            pick: Pick::Whole,
             register: true,
             outliers: true,
             smallest_part: 0.02,
@@ -214,6 +222,14 @@ pub enum ReconstructError {
         /// Longest side of the cloud.
         extent_m: f64,
     },
+    /// There is no object of that number.
+    #[error("there is no object {} among the {objects} on the table", number + 1)]
+    NoSuchObject {
+        /// Its number, from 0.
+        number: usize,
+        /// How many there are.
+        objects: usize,
+    },
     /// Nothing could be contoured.
     #[error("the points support no surface: {0}")]
     NoSurface(#[from] MeshError),
@@ -224,11 +240,106 @@ pub enum ReconstructError {
 /// Orientation comes from the cloud's lines of sight, else from its normals, else from propagation. The result does
 /// not depend on the number of threads.
 pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruction, ReconstructError> {
-    check_settings(settings)?;
-    let mut seconds = StageSeconds::default();
+    let survey = Survey::new(cloud, settings)?;
+    survey.whole()
+}
+
+/// A cloud made ready: cropped, its sweeps registered, thinned, without its table, and divided into objects.
+pub struct Survey {
+    settings: Settings,
+    cleaned: Cleaned,
+    objects: Vec<SceneObject>,
+    clean_s: f64,
+}
+
+impl Survey {
+    /// Makes a cloud ready. Errors as [`reconstruct`] does before there is a surface.
+    pub fn new(cloud: &PointCloud, settings: &Settings) -> Result<Self, ReconstructError> {
+        check_settings(settings)?;
+        let mut clock = Clock(Instant::now());
+        let cleaned = Cleaned::new(cloud, settings)?;
+        let objects = if settings.pick == Pick::Whole { Vec::new() } else { cleaned.objects() };
+        Ok(Self { settings: settings.clone(), cleaned, objects, clean_s: clock.lap() })
+    }
+
+    /// The objects on the table, the largest first. None without a table, or when [`Pick::Whole`] was asked for.
+    #[must_use]
+    pub fn objects(&self) -> &[SceneObject] {
+        &self.objects
+    }
+
+    /// The table, given or found.
+    #[must_use]
+    pub fn table(&self) -> Option<Plane> {
+        self.cleaned.table.as_ref().map(|table| table.plane)
+    }
+
+    /// Number of the object that a pick means; `None` for the whole, or when there are no objects.
+    pub fn picked(&self, pick: &Pick) -> Result<Option<usize>, ReconstructError> {
+        let nearest_to = |point: Point3<f64>| {
+            let distances = self.objects.iter().map(|object| (object.center - point).norm());
+            distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
+        };
+        Ok(match *pick {
+            Pick::Whole => None,
+            // A lone object needs no table to be told from others.
+            Pick::Number(0) | Pick::Largest if self.objects.is_empty() => None,
+            Pick::Number(number) if number < self.objects.len() => Some(number),
+            Pick::Number(number) => {
+                return Err(ReconstructError::NoSuchObject { number, objects: self.objects.len() });
+            }
+            Pick::Largest => Some(0),
+            Pick::Nearest => nearest_to(self.cleaned.sensor()),
+            Pick::At(point) => nearest_to(point),
+        })
+    }
+
+    /// Reconstructs what the settings pick.
+    pub fn pick(&self) -> Result<Reconstruction, ReconstructError> {
+        match self.picked(&self.settings.pick)? {
+            Some(number) => self.object(number),
+            None => self.whole(),
+        }
+    }
+
+    /// Reconstructs all that stands on the table, or the whole cloud without a table, as one body.
+    pub fn whole(&self) -> Result<Reconstruction, ReconstructError> {
+        self.surface(&self.cleaned.above)
+    }
+
+    /// Reconstructs one of the objects.
+    pub fn object(&self, number: usize) -> Result<Reconstruction, ReconstructError> {
+        let objects = self.objects.len();
+        let object = self.objects.get(number).ok_or(ReconstructError::NoSuchObject { number, objects })?;
+        self.surface(&object.members)
+    }
+
+    fn surface(&self, members: &[u32]) -> Result<Reconstruction, ReconstructError> {
+        let keep = self.cleaned.without_strays(members, &self.settings);
+        let object = self.cleaned.thinned.filtered(|i, _| keep[i]);
+        enough(self.cleaned.given, object.len(), "removing outliers")?;
+        not_on_a_line(&object.points)?;
+        // What else stands there tells of empty space, too.
+        let keep_all = if members.len() == self.cleaned.above.len() {
+            keep
+        } else {
+            self.cleaned.without_strays(&self.cleaned.above, &self.settings)
+        };
+        let sights = self.cleaned.sights(&keep_all);
+        surface_of(&object, &sights, &self.cleaned, &self.settings, self.clean_s)
+    }
+}
+
+fn surface_of(
+    object: &PointCloud,
+    sights: &[Sight],
+    cleaned: &Cleaned,
+    settings: &Settings,
+    clean_s: f64,
+) -> Result<Reconstruction, ReconstructError> {
+    let mut seconds = StageSeconds { clean_s, ..StageSeconds::default() };
     let mut clock = Clock(Instant::now());
-    let Cleaned { object, sights, table, registration } = clean(cloud, settings)?;
-    seconds.clean_s = clock.lap();
+    let table = cleaned.table.as_ref().map(|table| table.plane);
 
     let grid = Grid::for_surface(&object.points);
     let fourth = fourth_neighbour(&object.points, &grid);
@@ -238,7 +349,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let Tangents { planes, shows_edges } = tangents(&object.points, &grid, settings.neighbours, radius);
     let fitted = object.filtered(|i, _| planes[i].is_some());
     let mut planes: Vec<Tangent> = planes.into_iter().flatten().collect();
-    enough(cloud, planes.len(), "fitting tangent planes")?;
+    enough(cleaned.given, planes.len(), "fitting tangent planes")?;
     seconds.tangents_s = clock.lap();
 
     let up = table.map_or_else(Vector3::z, |table| table.normal.into_inner());
@@ -300,12 +411,12 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let components = mesh.components();
     seconds.contour_s += clock.lap();
     let report = Report {
-        points: cloud.len(),
+        points: cleaned.given,
         used: origins.len(),
         spacing_m: spacing,
         cell_m,
         table,
-        registration,
+        registration: cleaned.registration.clone(),
         closing,
         triangles: mesh.faces().len(),
         watertight: open_edges == 0,
@@ -345,69 +456,113 @@ fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
     Ok(())
 }
 
-fn enough(cloud: &PointCloud, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
+fn enough(given: usize, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
     if left < FEWEST_POINTS {
-        return Err(ReconstructError::TooFew { given: cloud.len(), left, stage });
+        return Err(ReconstructError::TooFew { given, left, stage });
     }
     Ok(())
 }
 
-/// The object's points, what all points tell about empty space, and the table.
+/// A cloud without what is no object, and with what all its points tell about empty space.
 struct Cleaned {
-    object: PointCloud,
-    sights: Vec<Sight>,
-    table: Option<Plane>,
+    /// Points given.
+    given: usize,
+    thinned: PointCloud,
+    spacing_m: f64,
+    /// The thinned points that stand on the table.
+    above: Vec<u32>,
+    /// Dense points with their lines of sight, and the thinned point of each.
+    scene: PointCloud,
+    voxel_of: Vec<u32>,
+    table: Option<TableTop>,
+    margin_m: f64,
     registration: Registration,
 }
 
-fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, ReconstructError> {
-    let mut scene = cloud.clone().checked()?;
-    enough(cloud, scene.len(), "reading")?;
-    if let Some((low, high)) = settings.crop {
-        scene = scene.filtered(|_, p| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]));
-        enough(cloud, scene.len(), "cropping")?;
+impl Cleaned {
+    fn new(cloud: &PointCloud, settings: &Settings) -> Result<Self, ReconstructError> {
+        let given = cloud.len();
+        let mut scene = cloud.clone().checked()?;
+        enough(given, scene.len(), "reading")?;
+        if let Some((low, high)) = settings.crop {
+            scene = scene.filtered(|_, p| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]));
+            enough(given, scene.len(), "cropping")?;
+        }
+        not_on_a_line(&scene.points)?;
+        let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
+        let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
+        let mut thin_scene = thin(&scene, voxel_m);
+        let thinned = &thin_scene.cloud;
+        let spacing_m = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
+        let table = match settings.table {
+            Table::None => None,
+            Table::Auto => find_table(thinned, spacing_m.max(0.002 * extent), settings.seed),
+            Table::Plane(plane) => Some(TableTop::endless(plane)),
+        };
+        let registration = if settings.register {
+            register(&scene, table.as_ref().map(|table| &table.plane))
+        } else {
+            Registration::OneSweep
+        };
+        if matches!(registration, Registration::Moved(_)) {
+            scene = registration.applied(&scene);
+            thin_scene = thin(&scene, voxel_m);
+        }
+        let Thinned { cloud: thinned, voxel_of } = thin_scene;
+        let margin_m = settings.table_margin_m.unwrap_or_else(|| {
+            let scatter_m = table.as_ref().map_or(0.0, |table| table.scatter_m);
+            spacing_m.max(0.001).max(SCATTERS * scatter_m)
+        });
+        let carried = |p: &Point3<f64>| table.as_ref().is_none_or(|table| table.carries(p, margin_m));
+        let above: Vec<u32> =
+            (0..thinned.len() as u32).filter(|&i| carried(&thinned.points[i as usize])).collect();
+        enough(given, above.len(), "removing the table")?;
+        Ok(Self { given, thinned, spacing_m, above, scene, voxel_of, table, margin_m, registration })
     }
-    not_on_a_line(&scene.points)?;
-    let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
-    let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
-    let mut thin_scene = thin(&scene, voxel_m);
-    let thinned = &thin_scene.cloud;
-    let spacing = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
-    let table = match settings.table {
-        Table::None => None,
-        Table::Auto => find_table(thinned, spacing.max(0.002 * extent), settings.seed),
-        Table::Plane(plane) => Some(TableTop::endless(plane)),
-    };
-    let registration = if settings.register {
-        register(&scene, table.as_ref().map(|table| &table.plane))
-    } else {
-        Registration::OneSweep
-    };
-    if matches!(registration, Registration::Moved(_)) {
-        scene = registration.applied(&scene);
-        thin_scene = thin(&scene, voxel_m);
+
+    /// What stands on the table; nothing when there is none.
+    fn objects(&self) -> Vec<SceneObject> {
+        self.table.as_ref().map_or_else(Vec::new, |table| {
+            objects(&self.thinned.points, &self.above, table, self.spacing_m, self.margin_m)
+        })
     }
-    let Thinned { cloud: thinned, voxel_of } = thin_scene;
-    let margin = settings.table_margin_m.unwrap_or_else(|| spacing.max(0.001));
-    let carried = |p: &Point3<f64>| table.is_none_or(|table| table.carries(p, margin));
-    let on_table = |p: &Point3<f64>| table.is_some_and(|table| table.plane.height(p).abs() <= margin);
-    let above: Vec<u32> =
-        (0..thinned.len() as u32).filter(|&i| carried(&thinned.points[i as usize])).collect();
-    enough(cloud, above.len(), "removing the table")?;
-    let mut keep = vec![false; thinned.len()];
-    let points: Vec<Point3<f64>> = above.iter().map(|&i| thinned.points[i as usize]).collect();
-    let belongs = if settings.outliers { inliers(&points, 6.0) } else { vec![true; points.len()] };
-    above.iter().zip(belongs).for_each(|(&i, belongs)| keep[i as usize] = belongs);
-    let object = thinned.filtered(|i, _| keep[i]);
-    enough(cloud, object.len(), "removing outliers")?;
-    not_on_a_line(&object.points)?;
-    // The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
-    let sights = scene.views.iter().flatten().zip(&scene.points).zip(&voxel_of);
-    let sights = sights
-        .filter(|((_, point), voxel)| keep[**voxel as usize] || on_table(point))
-        .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
-        .collect();
-    Ok(Cleaned { object, sights, table: table.map(|table| table.plane), registration })
+
+    /// Which of the thinned points belong to no stray.
+    fn without_strays(&self, members: &[u32], settings: &Settings) -> Vec<bool> {
+        let mut keep = vec![false; self.thinned.len()];
+        let points: Vec<Point3<f64>> = members.iter().map(|&i| self.thinned.points[i as usize]).collect();
+        let belongs = if settings.outliers { inliers(&points, 6.0) } else { vec![true; points.len()] };
+        members.iter().zip(belongs).for_each(|(&i, belongs)| keep[i as usize] = belongs);
+        keep
+    }
+
+    /// Lines of sight of those points that are no strays, and of the table's.
+    ///
+    /// The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
+    fn sights(&self, keep: &[bool]) -> Vec<Sight> {
+        let on_table =
+            |p: &Point3<f64>| self.table.as_ref().is_some_and(|t| t.plane.height(p).abs() <= self.margin_m);
+        let seen = self.scene.views.iter().flatten().zip(&self.scene.points).zip(&self.voxel_of);
+        seen.filter(|((_, point), voxel)| keep[**voxel as usize] || on_table(point))
+            .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
+            .collect()
+    }
+
+    /// The point that the nearest object is near to: the mean of where lines of sight go, or the origin.
+    fn sensor(&self) -> Point3<f64> {
+        let Some(views) = &self.scene.views else { return Point3::origin() };
+        // The point nearest to all lines of sight.
+        let (mut form, mut pull) = (Matrix3::zeros(), Vector3::zeros());
+        for (point, view) in self.scene.points.iter().zip(views) {
+            let across = Matrix3::identity() - view.into_inner() * view.transpose();
+            form += across;
+            pull += across * point.coords;
+        }
+        let far = || {
+            self.thinned.points.first().copied().unwrap_or_else(Point3::origin) + views[0].into_inner() * 1e3
+        };
+        form.try_inverse().map_or_else(far, |inverse| Point3::from(inverse * pull))
+    }
 }
 
 /// Errors when the points vary along one direction at most.
