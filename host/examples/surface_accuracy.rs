@@ -170,7 +170,8 @@ fn scanned(truth: &Mesh, instrument: &Instrument, seed: u64) -> anyhow::Result<S
 
 /// Points spread evenly over the faces that measured points support.
 fn samples(found: &Reconstruction, seed: u64) -> Vec<Point3<f64>> {
-    let faces: Vec<usize> = (0..found.mesh.faces().len()).filter(|&face| found.measured[face]).collect();
+    let faces: Vec<usize> =
+        (0..found.mesh.faces().len()).filter(|&face| found.mesh.is_measured(face)).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     spread(&found.mesh, &faces, &mut rng).into_iter().map(|(point, _)| point).collect()
 }

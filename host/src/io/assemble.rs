@@ -7,7 +7,7 @@ use nalgebra::{Point3, Unit as Normalized, Vector3};
 use super::error::{Fault, Place, Problem};
 use super::format::Unit;
 use super::{Loaded, polygon};
-use crate::surface::{Mesh, PointCloud};
+use crate::surface::{Mesh, PointCloud, Provenance};
 
 /// A mesh wider than this is probably in millimetres.
 const LARGEST_MESH_M: f64 = 2.0;
@@ -31,6 +31,8 @@ pub(super) struct RawMesh {
     /// Per polygon the end of its corners, and its line or number in the file.
     polygons: Vec<(u32, u32)>,
     place_of_polygon: fn(usize) -> Place,
+    /// A number for the provenance of each polygon, or nothing.
+    pub(super) provenance: Vec<f64>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -51,6 +53,7 @@ impl RawMesh {
             corners: Vec::new(),
             polygons: Vec::new(),
             place_of_polygon,
+            provenance: Vec::new(),
             warnings: Vec::new(),
         }
     }
@@ -124,6 +127,13 @@ impl RawMesh {
         if dropped > 0 {
             warnings.push(format!("{dropped} faces without area were dropped"));
         }
+        if !self.provenance.is_empty() {
+            match provenances(&self.provenance).map(|all| mesh.clone().with_provenance(all)) {
+                Some(Ok(marked)) => mesh = marked,
+                // Faces were split or dropped, so that the numbers are those of others.
+                _ => warnings.push("the provenance of the faces was ignored".to_owned()),
+            }
+        }
         mesh = closed_as_far_as_joining_helps(mesh);
         if mesh.is_watertight() && mesh.signed_volume_m3() < 0.0 {
             mesh = mesh.flipped();
@@ -133,6 +143,12 @@ impl RawMesh {
         warnings.extend(size_warning((high - low).amax(), LARGEST_MESH_M, unit));
         Ok(Loaded { value: mesh, warnings })
     }
+}
+
+/// What the numbers mean; `None` when one of them means nothing.
+fn provenances(numbers: &[f64]) -> Option<Vec<Provenance>> {
+    let whole = |number: f64| (0..=3_u8).find(|&whole| f64::from(whole) == number);
+    numbers.iter().map(|&number| whole(number).and_then(Provenance::from_number)).collect()
 }
 
 fn used_only(

@@ -6,6 +6,7 @@ use nalgebra::{Point3, Unit as Normalized, Vector3};
 use proptest::prelude::*;
 
 use super::*;
+use crate::surface::Provenance;
 
 const MESH_FORMATS: [(MeshFormat, &str); 7] = [
     (MeshFormat::Ply, "ply"),
@@ -106,6 +107,22 @@ fn meshes_come_back_from_every_format() {
             assert_eq!(back, mesh, "{format:?}");
         }
     }
+}
+
+#[test]
+fn ply_keeps_where_faces_come_from() {
+    let plain = torus(9, 5);
+    let marks = (0..plain.faces().len()).map(|face| Provenance::ALL[face * 7 % 4]).collect();
+    let mesh = plain.with_provenance(marks).unwrap();
+    for format in [MeshFormat::Ply, MeshFormat::PlyAscii] {
+        let back = read_mesh_bytes(&mesh_bytes(format, &mesh), Path::new("torus.ply"), Unit::Metre).unwrap();
+        assert_eq!((back.value, back.warnings), (mesh.clone(), vec![]), "{format:?}");
+    }
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nproperty uchar provenance\nend_header\n\
+                0 0 0\n0.1 0 0\n0 0.1 0\n3 0 1 2 9\n";
+    let odd = mesh_of(text, "odd.ply");
+    assert_eq!((odd.value.provenance(), odd.warnings.len()), (None, 1));
 }
 
 #[test]

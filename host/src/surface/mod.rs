@@ -1,4 +1,5 @@
 //! From points to a surface: the [`PointCloud`] and [`Mesh`] types and Hoppe's reconstruction between them.
+mod carve;
 mod close;
 pub mod cloud;
 mod contour;
@@ -8,16 +9,19 @@ pub mod grid;
 pub mod mesh;
 pub mod orient;
 pub mod outlier;
+pub mod provenance;
 pub mod reconstruct;
 pub mod register;
 pub mod scene;
 mod sharpen;
+mod symmetry;
 pub mod table;
 pub mod tangent;
 pub mod thin;
 
 pub use cloud::{CloudError, PointCloud};
 pub use mesh::{Mesh, MeshError};
+pub use provenance::Provenance;
 pub use reconstruct::{
     Closing, ReconstructError, Reconstruction, Report, Settings, Survey, Table, reconstruct,
 };

@@ -7,7 +7,8 @@ use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{
-    close::{Sight, solid_on_table},
+    carve::Sight,
+    close::solid_on_table,
     cloud::{CloudError, PointCloud},
     contour::contour,
     distance::{Field, Lattice, Planes, Support, signed_distance},
@@ -16,9 +17,11 @@ use super::{
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
+    provenance::Provenance,
     register::{Registration, register},
     scene::{Pick, SceneObject, objects},
     sharpen::sharp_contour,
+    symmetry::{Guess, guess},
     table::{Plane, TableTop, find_table},
     tangent::{Tangent, Tangents, tangents},
     thin::{Thinned, thin},
@@ -65,6 +68,8 @@ pub struct Settings {
     pub table_margin_m: Option<f64>,
     /// Complete the unseen to a closed body.
     pub close: bool,
+    /// Let what was seen tell by symmetry about what was not, where the scan does not contradict it.
+    pub symmetry: bool,
     /// Which of several objects on the table to take; [`reconstruct`] takes all as one body, see [`Survey`].
     pub pick: Pick,
     /// Move the sweeps of the scan onto each other first, where the cloud knows its sweeps.
@@ -88,6 +93,7 @@ impl Default for Settings {
             table: Table::None,
             table_margin_m: None,
             close: false,
+            symmetry: true,
             pick: Pick::Whole,
             register: true,
             outliers: true,
@@ -171,10 +177,9 @@ pub struct Report {
 /// A surface and how it came about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
-    /// The surface in the cloud's frame.
+    /// The surface in the cloud's frame. Its [`Mesh::provenance`] says which faces measured points support; the others
+    /// are completion, and a guess.
     pub mesh: Mesh,
-    /// For each face whether measured points support it; the others are completion, and a guess.
-    pub measured: Vec<bool>,
     /// What was done.
     pub report: Report,
 }
@@ -368,7 +373,6 @@ fn surface_of(
     let support =
         Support { radius_m: 1.25 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
     let planes = Planes { tangents: &planes, grid: &grid, support, shows_edges };
-    let drawn = |field: &Field| if shows_edges { sharp_contour(field, &planes) } else { contour(field) };
     let field = signed_distance(&planes, lattice);
     seconds.distance_s = clock.lap();
 
@@ -381,6 +385,9 @@ fn surface_of(
     let is_open = settings.close && plain.as_ref().is_some_and(|(mesh, _)| !mesh.is_watertight());
     seconds.contour_s = clock.lap();
 
+    let seen_planes = planes.tangents.len();
+    let all: Vec<Tangent>;
+    let mut all_grid = None;
     let mut closed = None;
     if is_open {
         let sights: Vec<Sight> = sights
@@ -390,7 +397,25 @@ fn surface_of(
                 towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
             })
             .collect();
-        closed = solid_on_table(&field, &sights).and_then(|solid| part(drawn(&solid), true).ok());
+        let found =
+            if settings.symmetry { guess(planes.tangents, &sights, spacing) } else { Guess::default() };
+        all = [planes.tangents, &found.planes].concat();
+        let origins: Vec<Point3<f64>> = all.iter().map(|plane| plane.origin).collect();
+        let grid = all_grid.insert(Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m)));
+        let planes = Planes { tangents: &all, grid, ..planes };
+        let is_guess = |node: &Point3<f64>| {
+            let mut near = Vec::new();
+            planes.grid.nearest(node, 1, &mut near);
+            near.first().is_some_and(|n| n.1 as usize >= seen_planes)
+        };
+        let drawn = |field: &Field| if shows_edges { sharp_contour(field, &planes) } else { contour(field) };
+        let solid = if found.planes.is_empty() {
+            solid_on_table(&field, &sights, &found.sights, &|_| false)
+        } else {
+            let lattice = lattice_above_table(&origins, cell_m)?;
+            solid_on_table(&signed_distance(&planes, lattice), &sights, &found.sights, &is_guess)
+        };
+        closed = solid.and_then(|solid| part(drawn(&solid), true).ok());
     }
     let closing = match (settings.close, is_open, &closed) {
         (false, ..) => Closing::NotAsked,
@@ -405,8 +430,10 @@ fn surface_of(
         (None, Some(plain)) if !shows_edges => plain,
         (None, _) => part(sharp_contour(&field, &planes), false)?,
     };
-    let measured = supported_faces(&mesh, &grid, support.radius_m);
-    let mesh = mesh.transformed(&plane_from_cloud.inverse());
+    let origins_grid = all_grid.as_ref().unwrap_or(&grid);
+    let base = (closing == Closing::OnTable || closing == Closing::OnAssumedPlane).then_some(0.6 * cell_m);
+    let provenance = provenances(&mesh, origins_grid, seen_planes, support.radius_m, base);
+    let mesh = mesh.with_provenance(provenance)?.transformed(&plane_from_cloud.inverse());
     let open_edges = mesh.open_edges();
     let components = mesh.components();
     seconds.contour_s += clock.lap();
@@ -425,7 +452,7 @@ fn surface_of(
         dropped_parts,
         seconds,
     };
-    Ok(Reconstruction { mesh, measured, report })
+    Ok(Reconstruction { mesh, report })
 }
 
 struct Clock(Instant);
@@ -618,13 +645,23 @@ fn lattice_above_table(points: &[Point3<f64>], cell_m: f64) -> Result<Lattice, R
     Ok(Lattice { low, cell_m })
 }
 
-fn supported_faces(mesh: &Mesh, grid: &Grid, radius_m: f64) -> Vec<bool> {
+/// Where each face comes from. Of the points of `grid` the first `seen` were measured; with a base, faces below that
+/// height that look down are the table's.
+fn provenances(mesh: &Mesh, grid: &Grid, seen: usize, radius_m: f64, base_m: Option<f64>) -> Vec<Provenance> {
     (0..mesh.faces().len())
         .into_par_iter()
         .map_init(Vec::new, |found, face| {
             let [a, b, c] = mesh.corners(face).map(|p| p.coords);
-            grid.nearest(&Point3::from((a + b + c) / 3.0), 1, found);
-            found.first().is_some_and(|n| n.0 < radius_m * radius_m)
+            let middle = Point3::from((a + b + c) / 3.0);
+            if base_m.is_some_and(|base_m| middle.z < base_m) && mesh.face_normal(face).z < -0.7 {
+                return Provenance::Table;
+            }
+            grid.nearest(&middle, 1, found);
+            match found.first().filter(|n| n.0 < radius_m * radius_m) {
+                Some(n) if (n.1 as usize) < seen => Provenance::Measured,
+                Some(_) => Provenance::Mirrored,
+                None => Provenance::Extruded,
+            }
         })
         .collect()
 }
