@@ -118,9 +118,27 @@ fn solids() -> anyhow::Result<Vec<Solid>> {
             .mesh(96, 32)?,
         ),
         one("lid", BuiltIn::TeacupCover.object(1.0)?.mesh),
+        one("lid, filled", filled_lid()?),
         one("bottle", turned(&bottle)?),
         Solid { name: "mug", parts: vec![turned(&mug)?, turned(&handle)?.transformed(&upright)] },
     ])
+}
+
+/// The built-in lid's outside, its hollow filled: what lies under it no view from above can know.
+fn filled_lid() -> anyhow::Result<Mesh> {
+    let lid = BuiltIn::TeacupCover.object(1.0)?.mesh;
+    // Highest point at each radius: the outer face; below the rim's edge the flange stands on the table.
+    let query = SurfaceQuery::new(&lid)?;
+    let mut profile = vec![ProfilePoint::new(0.0, 0.0), ProfilePoint::new(0.038, 0.0)];
+    profile.extend([[0.038, 0.010], [0.045, 0.010]].map(|[r, z]| ProfilePoint::new(r, z)));
+    let down = -Vector3::z_axis();
+    for i in (0..=44).rev() {
+        let radius = 0.045 * (f64::from(i) / 45.0);
+        let from = Point3::new(radius.max(1e-5), 1e-5, 0.2);
+        let (way, _) = query.cast_ray(&from, &down).context("the lid has a top everywhere")?;
+        profile.push(ProfilePoint::new(radius, 0.2 - way));
+    }
+    Ok(revolve(&profile, 96)?)
 }
 
 /// All parts in one array of faces, for the scanner.

@@ -48,6 +48,12 @@ pub struct ReconstructArgs {
     /// Cell of the surface lattice in metres; by default from the cloud's density
     #[arg(long, value_name = "M", value_parser = input::positive, allow_negative_numbers = true)]
     pub cell: Option<f64>,
+    /// Most triangles, as far as --tolerance allows
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(4..), allow_negative_numbers = true)]
+    pub triangles: Option<u32>,
+    /// How far the surface may move for the sake of fewer triangles, metres; with --triangles alone one cell
+    #[arg(long, value_name = "M", value_parser = input::positive, allow_negative_numbers = true)]
+    pub tolerance: Option<f64>,
     /// Unit of the cloud file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
     pub unit: Unit,
@@ -148,6 +154,8 @@ pub fn run(args: &ReconstructArgs, out: &mut dyn Write) -> anyhow::Result<Outcom
         table: args.table,
         close: args.close,
         symmetry: !args.no_symmetry,
+        triangles: args.triangles.map(|n| n as usize),
+        tolerance_m: args.tolerance,
         pick: match args.pick {
             Choice::One(pick) => pick,
             Choice::Each => Pick::Largest,

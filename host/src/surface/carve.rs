@@ -17,6 +17,10 @@ const CLEARANCE: f64 = 2.0;
 /// Distance between the places on a line of sight that are marked, in cells.
 const STEP: f64 = 0.7;
 
+/// Most nodes of a box whose cells may grow, more or less, and most cells along one side of it.
+const MOST_NODES: f64 = 6e6;
+const LONGEST: f64 = 1e5;
+
 /// Nodes of a box, and which of them some line of sight passes.
 pub(super) struct Carved {
     low: Point3<f64>,
@@ -56,6 +60,24 @@ impl Carved {
         });
         let passed = passed.into_iter().map(AtomicBool::into_inner).collect();
         Self { low, cell_m, dims, passed }
+    }
+
+    /// The same for a box from `low` to `high`, with cells of at least `cell_m`, more for a large box; `None` for a box
+    /// that is no box.
+    pub(super) fn about(
+        low: &Point3<f64>,
+        high: &Point3<f64>,
+        cell_m: f64,
+        sights: &[Sight],
+    ) -> Option<Self> {
+        let size = high - low;
+        let cell_m = cell_m.max((size.product() / MOST_NODES).cbrt()).max(size.amax() / LONGEST);
+        if !(cell_m.is_finite() && cell_m > 0.0 && size.min() >= 0.0) {
+            return None;
+        }
+        let dims: [usize; 3] = size.map(|side| (side / cell_m).ceil() as usize + 1).into();
+        let nodes = dims.iter().map(|&d| d as f64).product::<f64>();
+        (nodes < 4.0 * MOST_NODES).then(|| Self::new(*low, cell_m, dims, sights))
     }
 
     /// Whether a line of sight passes each node, x running fastest.

@@ -3,6 +3,7 @@ mod carve;
 mod close;
 pub mod cloud;
 mod contour;
+pub mod decimate;
 pub mod distance;
 mod fragments;
 pub mod grid;

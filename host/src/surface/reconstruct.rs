@@ -2,18 +2,19 @@
 
 use std::time::Instant;
 
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Unit, Vector3};
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{
-    carve::Sight,
+    carve::{Carved, Sight},
     close::solid_on_table,
     cloud::{CloudError, PointCloud},
     contour::contour,
+    decimate::{Limits, decimate},
     distance::{Field, Lattice, Planes, Support, signed_distance},
     fragments::without_fragments,
-    grid::Grid,
+    grid::{Grid, Neighbour},
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{inliers, median, quantile},
@@ -35,6 +36,12 @@ const CELL_PER_SPACING: f64 = 1.1;
 
 /// Points belong to the table up to this many times how far its points scatter below its plane.
 const SCATTERS: f64 = 1.25;
+
+/// Least cosine between a face and the line of sight to the sensor that saw it. A little below none, for noise.
+const LEAST_FACING: f64 = -0.1;
+/// Edges shorter than this share of a cell are slivers' and collapse, where the surface moves less than the other share.
+const SLIVER_EDGE: f64 = 0.15;
+const SLIVER_TOLERANCE: f64 = 0.05;
 
 /// Where the table is.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -78,6 +85,11 @@ pub struct Settings {
     pub outliers: bool,
     /// Connected parts with less than this share of the largest one's area are dropped.
     pub smallest_part: f64,
+    /// Most triangles of the mesh, as far as `tolerance_m` allows.
+    pub triangles: Option<usize>,
+    /// How far the surface may move for the sake of fewer triangles; by default, when `triangles` is given, one cell.
+    /// Without either, only slivers go.
+    pub tolerance_m: Option<f64>,
     /// Seed of the search for the table.
     pub seed: u64,
 }
@@ -98,6 +110,8 @@ impl Default for Settings {
             register: true,
             outliers: true,
             smallest_part: 0.02,
+            triangles: None,
+            tolerance_m: None,
             seed: 0,
         }
     }
@@ -390,13 +404,7 @@ fn surface_of(
     let mut all_grid = None;
     let mut closed = None;
     if is_open {
-        let sights: Vec<Sight> = sights
-            .iter()
-            .map(|sight| Sight {
-                point: plane_from_cloud * sight.point,
-                towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
-            })
-            .collect();
+        let sights = in_plane(sights, &plane_from_cloud);
         let found =
             if settings.symmetry { guess(planes.tangents, &sights, spacing) } else { Guess::default() };
         all = [planes.tangents, &found.planes].concat();
@@ -430,10 +438,18 @@ fn surface_of(
         (None, Some(plain)) if !shows_edges => plain,
         (None, _) => part(sharp_contour(&field, &planes), false)?,
     };
+    let mesh = if mesh.is_watertight() {
+        mesh
+    } else {
+        let sights = in_plane(sights, &plane_from_cloud);
+        without_flaps(&mesh, &grid, fitted.views.as_deref(), &plane_from_cloud, &sights, spacing)
+            .unwrap_or(mesh)
+    };
     let origins_grid = all_grid.as_ref().unwrap_or(&grid);
     let base = (closing == Closing::OnTable || closing == Closing::OnAssumedPlane).then_some(0.6 * cell_m);
     let provenance = provenances(&mesh, origins_grid, seen_planes, support.radius_m, base);
-    let mesh = mesh.with_provenance(provenance)?.transformed(&plane_from_cloud.inverse());
+    let mesh = fewer_triangles(mesh.with_provenance(provenance)?, settings, cell_m);
+    let mesh = mesh.transformed(&plane_from_cloud.inverse());
     let open_edges = mesh.open_edges();
     let components = mesh.components();
     seconds.contour_s += clock.lap();
@@ -471,6 +487,7 @@ fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
         ("voxel_m", settings.voxel_m),
         ("radius_m", settings.radius_m),
         ("table_margin_m", settings.table_margin_m),
+        ("tolerance_m", settings.tolerance_m),
         ("neighbours", Some(settings.neighbours.saturating_sub(2) as f64)),
     ];
     for (name, value) in positive {
@@ -643,6 +660,63 @@ fn lattice_above_table(points: &[Point3<f64>], cell_m: f64) -> Result<Lattice, R
     let layers = (-bottom / cell_m).ceil() + MARGIN;
     let low = Point3::new(low.x - MARGIN * cell_m, low.y - MARGIN * cell_m, -(layers + 0.5) * cell_m);
     Ok(Lattice { low, cell_m })
+}
+
+fn in_plane(sights: &[Sight], plane_from_cloud: &Isometry3<f64>) -> Vec<Sight> {
+    let placed = |sight: &Sight| Sight {
+        point: plane_from_cloud * sight.point,
+        towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
+    };
+    sights.iter().map(placed).collect()
+}
+
+/// A sheet without the faces that no sensor can have seen: those that look away from the one that saw the nearest sample,
+/// and those that lines of sight pass through. Both hang over where the surface folds back under itself. `None` when
+/// nothing is left, or nothing tells.
+fn without_flaps(
+    mesh: &Mesh,
+    grid: &Grid,
+    views: Option<&[Unit<Vector3<f64>>]>,
+    plane_from_cloud: &Isometry3<f64>,
+    sights: &[Sight],
+    spacing_m: f64,
+) -> Option<Mesh> {
+    let views = views?;
+    let (low, high) = mesh.bounding_box();
+    let reach = Vector3::repeat(4.0 * spacing_m);
+    let carved = Carved::about(&(low - reach), &(high + reach), spacing_m, sights)?;
+    let is_sound = |found: &mut Vec<Neighbour>, face: usize| {
+        let [a, b, c] = mesh.corners(face).map(|p| p.coords);
+        let (middle, normal) = (Point3::from((a + b + c) / 3.0), mesh.face_normal(face).into_inner());
+        grid.nearest(&middle, 1, found);
+        let view = found.first().map(|n| plane_from_cloud.rotation * views[n.1 as usize]);
+        let beside = |cells: f64| middle + normal * (cells * spacing_m);
+        let is_passed = carved.is_empty(&beside(1.5)) && carved.is_empty(&beside(-1.5));
+        view.is_none_or(|view| view.dot(&normal) > LEAST_FACING) && !is_passed
+    };
+    let sound: Vec<bool> = (0..mesh.faces().len()).into_par_iter().map_init(Vec::new, is_sound).collect();
+    let faces = mesh.faces().iter().zip(&sound).filter(|(_, sound)| **sound).map(|(face, _)| *face);
+    // Vertices that nothing uses any more go with the fragments.
+    let kept = without_fragments((mesh.vertices().to_vec(), faces.collect()), 0.0, false);
+    Mesh::new(kept.triangles.0, kept.triangles.1).ok()
+}
+
+/// Without slivers, and with no more triangles than asked for, as far as the bound on the error allows.
+fn fewer_triangles(mesh: Mesh, settings: &Settings, cell_m: f64) -> Mesh {
+    let slivers =
+        Limits { triangles: 0, tolerance_m: SLIVER_TOLERANCE * cell_m, edges_below_m: SLIVER_EDGE * cell_m };
+    let mesh = decimate(&mesh, &slivers);
+    if settings.triangles.is_none() && settings.tolerance_m.is_none() {
+        return mesh;
+    }
+    decimate(
+        &mesh,
+        &Limits {
+            triangles: settings.triangles.unwrap_or(0),
+            tolerance_m: settings.tolerance_m.unwrap_or(cell_m),
+            edges_below_m: f64::INFINITY,
+        },
+    )
 }
 
 /// Where each face comes from. Of the points of `grid` the first `seen` were measured; with a base, faces below that

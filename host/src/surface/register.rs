@@ -9,6 +9,8 @@
 //! therefore have a prior, a normal distribution about none, and along combinations of motions that the overlaps hardly
 //! speak about nothing moves at all.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{DMatrix, DVector, Isometry3, Point3, SymmetricEigen, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
@@ -35,7 +37,12 @@ const REACH_M: f64 = 4e-3;
 /// Rounds of matching and moving.
 const ROUNDS: usize = 8;
 /// Most tangent planes of a sweep, and most of its points on the table.
-const MOST_PLANES: usize = 2500;
+const MOST_PLANES: usize = 5000;
+const MOST_ON_TABLE: usize = 500;
+/// Directions of normals that are told apart: so many along each side of each face of a cube.
+const DIRECTIONS: f64 = 4.0;
+/// Most that a pair counts for being one of few of its direction.
+const RAREST: f64 = 20.0;
 /// Neighbours of a tangent plane.
 const NEIGHBOURS: usize = 12;
 /// Least cosine between the normals of one spot in two sweeps.
@@ -49,7 +56,7 @@ const LEAST_SCATTER_M: f64 = 1e-5;
 /// Least information about a motion, as a multiple of the prior's, that moves anything.
 const LEAST_INFORMATION: f64 = 4.0;
 /// The same as a share of what is known best. Noise of a few degrees in the normals feigns about a thousandth.
-const LEAST_SHARE: f64 = 2e-3;
+const LEAST_SHARE: f64 = 3e-3;
 /// How near the table's plane a point counts as the table's.
 const TABLE_REACH_M: f64 = 2e-3;
 
@@ -158,8 +165,8 @@ struct Sweep {
 impl Sweep {
     fn new(cloud: &PointCloud, table: Option<&Plane>) -> Self {
         let is_table = |p: &Point3<f64>| table.is_some_and(|table| table.height(p).abs() < TABLE_REACH_M);
-        let (body, voxel_m) = thinned(&cloud.filtered(|_, p| !is_table(p)));
-        let (table, _) = thinned(&cloud.filtered(|_, p| is_table(p)));
+        let (body, voxel_m) = thinned(&cloud.filtered(|_, p| !is_table(p)), MOST_PLANES);
+        let (table, _) = thinned(&cloud.filtered(|_, p| is_table(p)), MOST_ON_TABLE);
         let grid = Grid::for_surface(&body.points);
         let found = tangents(&body.points, &grid, NEIGHBOURS, 1.5 * voxel_m).planes;
         let outside = body.views.as_ref().or(body.normals.as_ref());
@@ -191,16 +198,16 @@ impl Sweep {
     }
 }
 
-/// At most [`MOST_PLANES`] averaged points, and the side of their voxels.
-fn thinned(cloud: &PointCloud) -> (PointCloud, f64) {
+/// At most so many averaged points, and the side of their voxels.
+fn thinned(cloud: &PointCloud, most: usize) -> (PointCloud, f64) {
     let extent_m = cloud.bounding_box().map_or(0.0, |(low, high)| (high - low).amax());
-    let mut voxel_m = (extent_m / 150.0).max(1e-9);
+    let mut voxel_m = (extent_m / 120.0).max(1e-9);
     loop {
         let found = thin(cloud, voxel_m).cloud;
-        if found.len() <= MOST_PLANES {
+        if found.len() <= most {
             return (found, voxel_m);
         }
-        voxel_m *= (found.len() as f64 / MOST_PLANES as f64).sqrt().max(1.1);
+        voxel_m *= (found.len() as f64 / most as f64).sqrt().max(1.1);
     }
 }
 
@@ -211,6 +218,34 @@ struct Pair {
     normal: Vector3<f64>,
     /// How far the first lies before the second.
     gap_m: f64,
+}
+
+/// Number of the direction that a normal, of either sign, has.
+fn direction(normal: &Vector3<f64>) -> [i8; 3] {
+    let axis = normal.iamax();
+    let on_face = normal / normal[axis];
+    let mut key = [0; 3];
+    for other in (0..3).filter(|&other| other != axis) {
+        key[other] = ((on_face[other] + 1.0) * 0.5 * DIRECTIONS).min(DIRECTIONS - 1.0) as i8;
+    }
+    key[axis] = -1;
+    key
+}
+
+/// How much each pair counts. The side of a disk is a tenth of it, but only the side tells where the disk is: each
+/// direction of normals counts alike (the idea of Rusinkiewicz and Levoy 2001), up to a limit.
+fn weights(pairs: &[Pair]) -> Vec<f64> {
+    let mut counts: BTreeMap<[i8; 3], f64> = BTreeMap::new();
+    for pair in pairs {
+        *counts.entry(direction(&pair.normal)).or_default() += 1.0;
+    }
+    let fair = pairs.len() as f64 / counts.len().max(1) as f64;
+    let of = |pair: &Pair| {
+        let count = counts.get(&direction(&pair.normal)).copied().unwrap_or(1.0);
+        // A handful of pairs is more likely edges and noise.
+        if count < FEWEST_PAIRS as f64 { 1.0 } else { (fair / count).min(RAREST) }
+    };
+    pairs.iter().map(of).collect()
 }
 
 /// A point that should lie on the table.
@@ -276,10 +311,10 @@ fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatt
     let count = 6 * sweeps.len();
     let (mut form, mut pull) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
     let scatter_m = scatter_m.max(LEAST_SCATTER_M);
-    let mut add = |rows: &[(usize, [f64; 6])], gap_m: f64| {
+    let mut add = |rows: &[(usize, [f64; 6])], gap_m: f64, count: f64| {
         // Geman and McClure: what is far off is no measurement of the gap.
         let trust = (1.0 + (gap_m / (2.0 * scatter_m)).powi(2)).powi(-2);
-        let weight = trust / (scatter_m * scatter_m * PAIRS_IN_ONE);
+        let weight = count * trust / (scatter_m * scatter_m * PAIRS_IN_ONE);
         for (a, row_a) in rows {
             for (i, x) in row_a.iter().enumerate() {
                 pull[6 * a + i] -= weight * x * gap_m;
@@ -296,15 +331,15 @@ fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatt
         let shift = normal * PRIOR_M;
         [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
     };
-    for Pair { sweeps: [a, b], points, normal, gap_m } in pairs {
+    for (Pair { sweeps: [a, b], points, normal, gap_m }, count) in pairs.iter().zip(weights(pairs)) {
         let rows = [
             (*a, row(&sweeps[*a], &points[0], normal)),
             (*b, row(&sweeps[*b], &points[1], normal).map(|x| -x)),
         ];
-        add(&rows, *gap_m);
+        add(&rows, *gap_m, count);
     }
     for Height { sweep, point, normal, gap_m } in heights {
-        add(&[(*sweep, row(&sweeps[*sweep], point, normal))], *gap_m);
+        add(&[(*sweep, row(&sweeps[*sweep], point, normal))], *gap_m, 1.0);
     }
     // The prior pulls what was moved so far back.
     for (s, sweep) in sweeps.iter().enumerate() {

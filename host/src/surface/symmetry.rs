@@ -28,13 +28,14 @@ const WIDEST_GAP_RAD: f64 = 1.9;
 /// A face is a side when its normal leans from the vertical by more than this cosine.
 const SIDE: f64 = 0.8;
 /// Share of samples that face down, from which on a level plane of symmetry is looked for.
-const OVERHANG_SHARE: f64 = 0.02;
+const OVERHANG_SHARE: f64 = 0.01;
+const OVERHANGING: f64 = -0.1;
 /// Least cosine between the image of a spot's normal and the normal found there.
 const SAME_NORMAL: f64 = 0.7;
 /// How near, in spacings, a seen spot must be to the image that it confirms.
 const NEAR: f64 = 1.6;
-/// How deep under an image, in spacings, seen empty space contradicts it.
-const DEEP: f64 = 2.0;
+/// How far over and under an image, in spacings, seen empty space contradicts it.
+const DEEP: f64 = 1.6;
 /// Most images contradicted, and fewest confirmed and gained, as shares.
 const MOST_CONTRADICTED: f64 = 0.04;
 const FEWEST_CONFIRMED: f64 = 0.15;
@@ -49,13 +50,17 @@ const FEWEST_ROUND: f64 = 0.85;
 const DIRECTIONS: usize = 36;
 const PLACES: usize = 24;
 /// Rounds in which the best of them is refined, with half the step each.
-const REFINEMENTS: usize = 6;
+const REFINEMENTS: usize = 9;
+/// Directions that are refined.
+const REFINED: usize = 12;
+/// How much farther apart empty space over and under an image may be at first, so that planes nearby are told from others.
+const COARSE: f64 = 2.5;
 /// Copies of the lines of sight about an axis of revolution.
 const TURNS: usize = 36;
 /// Most lines of sight that are copied about an axis.
 const TURNED_SIGHTS: usize = 6000;
-/// Most nodes of the box in which empty space is remembered.
-const MOST_NODES: f64 = 6e6;
+/// Cell of the box in which empty space is remembered, in spacings.
+const FINE: f64 = 0.7;
 
 /// What symmetry adds to a scan.
 #[derive(Debug, Clone, Default)]
@@ -108,7 +113,7 @@ enum Meets {
 /// An object that was seen from all round and hides nothing below an overhang has nothing to gain.
 pub(super) fn guess(planes: &[Tangent], sights: &[Sight], spacing_m: f64) -> Guess {
     let is_one_sided = widest_gap_rad(planes) > WIDEST_GAP_RAD;
-    let overhang = planes.iter().filter(|plane| plane.normal.z < -0.15).count() as f64;
+    let overhang = planes.iter().filter(|plane| plane.normal.z < OVERHANGING).count() as f64;
     let hangs_over = overhang > OVERHANG_SHARE * planes.len() as f64;
     if sights.is_empty() || !is_one_sided && !hangs_over {
         return Guess::default();
@@ -167,27 +172,23 @@ impl Scan {
         let reach = Vector3::new(0.6, 0.6, 0.0) * (high - low).xy().amax() + Vector3::repeat(4.0 * spacing_m);
         let (low, high) = (low - reach, high + reach);
         let low = Point3::new(low.x, low.y, low.z.min(-2.0 * spacing_m));
-        let size = high - low;
-        let cell_m = spacing_m.max((size.product() / MOST_NODES).cbrt());
-        let dims: [usize; 3] = size.map(|s| (s / cell_m).ceil() as usize + 1).into();
-        if dims.iter().map(|&d| d as f64).product::<f64>() > 4.0 * MOST_NODES {
-            return None;
-        }
-        let carved = Carved::new(low, cell_m, dims, &sights);
+        let carved = Carved::about(&low, &high, FINE * spacing_m, &sights)?;
         let grid = Grid::new(&origins, 1.5 * spacing_m);
         Some(Self { planes, sights, grid, carved, spacing_m })
     }
 
-    /// What the image of a seen spot meets.
-    fn meets(&self, image: &Tangent, found: &mut Vec<(f64, u32)>) -> Meets {
+    /// What the image of a seen spot meets. It meets empty space when lines of sight pass `deep` spacings under it as
+    /// well as over it: a wall that was seen from the other side only is no contradiction.
+    fn meets(&self, image: &Tangent, deep: f64, found: &mut Vec<(f64, u32)>) -> Meets {
         self.grid.within(&image.origin, NEAR * self.spacing_m, found);
         let nearest = found.first().map(|n| self.planes[n.1 as usize]);
         let is_same = |other: &Tangent| other.normal.dot(&image.normal) > SAME_NORMAL;
         if nearest.as_ref().is_some_and(is_same) {
             return Meets::Surface;
         }
-        let under = image.origin - image.normal.into_inner() * (DEEP * self.spacing_m);
-        if self.carved.is_empty(&under) || image.origin.z < -DEEP * self.spacing_m {
+        let beside = |spacings: f64| image.origin + image.normal.into_inner() * (spacings * self.spacing_m);
+        let is_passed = self.carved.is_empty(&beside(-deep)) && self.carved.is_empty(&beside(deep));
+        if is_passed || image.origin.z < -DEEP * self.spacing_m {
             return Meets::Empty;
         }
         Meets::Unseen
@@ -197,12 +198,12 @@ impl Scan {
         self.planes.iter().step_by((self.planes.len() / WITNESSES).max(1))
     }
 
-    fn evidence(&self, mirror: &Symmetry) -> Evidence {
+    fn evidence(&self, mirror: &Symmetry, deep: f64) -> Evidence {
         let Symmetry::Mirror { normal, offset_m } = *mirror else { return Evidence::default() };
         let (mut evidence, mut count, mut found) = (Evidence::default(), 0.0, Vec::new());
         for plane in self.witnesses() {
             count += 1.0;
-            match self.meets(&mirrored(plane, &normal, offset_m), &mut found) {
+            match self.meets(&mirrored(plane, &normal, offset_m), deep, &mut found) {
                 Meets::Surface => evidence.confirmed += 1.0,
                 Meets::Empty => evidence.contradicted += 1.0,
                 Meets::Unseen => evidence.gained += 1.0,
@@ -221,9 +222,11 @@ impl Scan {
             let (mut empty, mut surface) = (0.0, 0.0);
             let turns = 11;
             for turn in 1..=turns {
-                match self
-                    .meets(&turned(plane, &center, TAU * f64::from(turn) / f64::from(turns + 1)), &mut found)
-                {
+                match self.meets(
+                    &turned(plane, &center, TAU * f64::from(turn) / f64::from(turns + 1)),
+                    DEEP,
+                    &mut found,
+                ) {
                     Meets::Empty => empty += 1.0 / f64::from(turns),
                     Meets::Surface => surface += 1.0 / f64::from(turns),
                     Meets::Unseen => {}
@@ -278,9 +281,9 @@ impl Scan {
     fn upright_mirror(&self) -> Option<Symmetry> {
         let origins: Vec<Point3<f64>> = self.planes.iter().map(|plane| plane.origin).collect();
         let across = |azimuth: f64| Vector3::new(azimuth.cos(), azimuth.sin(), 0.0);
-        let try_at = |azimuth: f64, offset_m: f64| {
+        let try_at = |azimuth: f64, offset_m: f64, deep: f64| {
             let mirror = Symmetry::Mirror { normal: across(azimuth), offset_m };
-            (self.evidence(&mirror).score(), azimuth, offset_m)
+            (self.evidence(&mirror, deep).score(), azimuth, offset_m)
         };
         let better = |a: (f64, f64, f64), b: (f64, f64, f64)| if b.0 > a.0 { b } else { a };
         let coarse: Vec<(f64, f64, f64)> = (0..DIRECTIONS)
@@ -292,7 +295,7 @@ impl Scan {
                 let (low, high) =
                     places.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
                 (1..PLACES)
-                    .map(|k| try_at(azimuth, low + (high - low) * k as f64 / PLACES as f64))
+                    .map(|k| try_at(azimuth, low + (high - low) * k as f64 / PLACES as f64, COARSE * DEEP))
                     .fold((f64::NEG_INFINITY, 0.0, 0.0), better)
             })
             .collect();
@@ -300,26 +303,35 @@ impl Scan {
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.total_cmp(&b.1)));
         let (low, high) = bounding_box(&origins)?;
         let step_m = (high - low).xy().norm() / PLACES as f64;
-        let refined = ranked.into_iter().take(6).map(|start| {
-            let (mut best, mut turn, mut shift_m) = (start, 0.5 * PI / DIRECTIONS as f64, 0.5 * step_m);
-            for _ in 0..REFINEMENTS {
-                for (i, k) in (0..9).map(|n| (f64::from(n % 3 - 1), f64::from(n / 3 - 1))) {
-                    best = better(best, try_at(best.1 + i * turn, best.2 + k * shift_m));
+        ranked.truncate(REFINED);
+        let refined: Vec<(f64, f64, f64)> = ranked
+            .into_par_iter()
+            .map(|start| {
+                let (mut best, mut turn, mut shift_m) = (start, 0.5 * PI / DIRECTIONS as f64, 0.5 * step_m);
+                for round in 0..REFINEMENTS {
+                    let deep = DEEP * COARSE.powf(1.0 - (round as f64 + 1.0) / REFINEMENTS as f64);
+                    let (_, azimuth, offset_m) = best;
+                    best = (f64::NEG_INFINITY, 0.0, 0.0);
+                    for (i, k) in (0..9).map(|n| (f64::from(n % 3 - 1), f64::from(n / 3 - 1))) {
+                        best = better(best, try_at(azimuth + i * turn, offset_m + k * shift_m, deep));
+                    }
+                    (turn, shift_m) = (0.6 * turn, 0.6 * shift_m);
                 }
-                (turn, shift_m) = (0.5 * turn, 0.5 * shift_m);
-            }
-            best
+                best
+            })
+            .collect();
+        let mirrors = refined.into_iter().filter_map(|(score, azimuth, offset_m)| {
+            let mirror = Symmetry::Mirror { normal: across(azimuth), offset_m };
+            self.evidence(&mirror, DEEP).convinces().then_some((score, mirror))
         });
-        let (_, azimuth, offset_m) = refined.fold((f64::NEG_INFINITY, 0.0, 0.0), better);
-        let mirror = Symmetry::Mirror { normal: across(azimuth), offset_m };
-        self.evidence(&mirror).convinces().then_some(mirror)
+        mirrors.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, mirror)| mirror)
     }
 
     /// The level plane half way up: what lies on the table has its lowest point on it.
     fn level_mirror(&self) -> Option<Symmetry> {
         let top_m = quantile(self.planes.iter().map(|plane| plane.origin.z).collect(), 0.998);
         let mirror = Symmetry::Mirror { normal: Vector3::z(), offset_m: 0.5 * top_m };
-        self.evidence(&mirror).convinces().then_some(mirror)
+        self.evidence(&mirror, DEEP).convinces().then_some(mirror)
     }
 
     /// Adds the images that meet nothing, and the images of the lines of sight.
@@ -334,7 +346,7 @@ impl Scan {
             .into_par_iter()
             .map_init(Vec::new, |found, image| {
                 self.grid.within(&image.origin, 1.2 * self.spacing_m, found);
-                (found.is_empty() && image.origin.z > 0.0 && self.meets(&image, found) == Meets::Unseen)
+                (found.is_empty() && image.origin.z > 0.0 && self.meets(&image, DEEP, found) == Meets::Unseen)
                     .then_some(image)
             })
             .flatten_iter()
@@ -388,7 +400,9 @@ impl Scan {
             let profile = Tangent { origin, normal };
             let mut found = Vec::new();
             let tries: Vec<Meets> = (0..12)
-                .map(|turn| self.meets(&turned(&profile, center, TAU * f64::from(turn) / 12.0), &mut found))
+                .map(|turn| {
+                    self.meets(&turned(&profile, center, TAU * f64::from(turn) / 12.0), DEEP, &mut found)
+                })
                 .collect();
             if tries.iter().filter(|&&met| met == Meets::Empty).count() > 3 {
                 continue;
