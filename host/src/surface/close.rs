@@ -99,7 +99,8 @@ impl<'a> Volume<'a> {
         let low = self.measured.lattice.position(pack(self.low));
         let seen = Carved::new(low, cell_m, self.dims, sights);
         for (i, _) in seen.passed().iter().enumerate().filter(|(_, passed)| **passed) {
-            // A measured surface is not where lines of sight pass a cell under it; half a cell is their own width.
+            // Lines of sight are rounded to nodes: those that pass just over a measured surface mark nodes nearly a cell
+            // under it, but none deeper.
             if self.known[i] != Knowledge::Measured || self.values[i] < -cell_m {
                 (self.known[i], self.values[i]) = (Knowledge::Empty, self.far_m);
             }

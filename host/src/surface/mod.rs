@@ -1,4 +1,6 @@
 //! From points to a surface: the [`PointCloud`] and [`Mesh`] types and Hoppe's reconstruction between them.
+#[cfg(test)]
+mod camera;
 mod carve;
 mod close;
 pub mod cloud;

@@ -43,6 +43,8 @@ const MOST_ON_TABLE: usize = 500;
 const DIRECTIONS: f64 = 4.0;
 /// Most that a pair counts for being one of few of its direction.
 const RAREST: f64 = 20.0;
+/// Most sweeps: all pairs of them are matched.
+const MOST_SWEEPS: usize = 64;
 /// Neighbours of a tangent plane.
 const NEIGHBOURS: usize = 12;
 /// Least cosine between the normals of one spot in two sweeps.
@@ -65,7 +67,7 @@ const TABLE_REACH_M: f64 = 2e-3;
 pub enum Registration {
     /// The cloud does not say which sweep its points belong to, or has only one.
     OneSweep,
-    /// The sweeps have too little in common, or would not fit better.
+    /// The sweeps have too little in common, would not fit better, or are more than 64.
     Unmoved,
     /// The sweeps were moved.
     Moved(Moved),
@@ -116,6 +118,9 @@ pub fn register(cloud: &PointCloud, table: Option<&Plane>) -> Registration {
     present.dedup();
     if present.len() < 2 {
         return Registration::OneSweep;
+    }
+    if present.len() > MOST_SWEEPS {
+        return Registration::Unmoved;
     }
     let mut sweeps: Vec<Sweep> = present
         .par_iter()

@@ -172,3 +172,74 @@ pub(super) fn clusters(points: &[Point3<f64>], cell_m: f64) -> Vec<Vec<u32>> {
     }
     clusters
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::{
+        Closing, PointCloud, ReconstructError, Settings, Survey, Table,
+        camera::{Thing, seen},
+    };
+
+    const THINGS: [Thing; 3] = [
+        Thing::Box([-0.15, 0.0, 0.0], [-0.03, 0.06, 0.12]),
+        Thing::Cylinder([0.1, 0.1], 0.04, 0.10),
+        Thing::Box([0.0, -0.16, 0.0], [0.07, -0.1, 0.05]),
+    ];
+
+    fn table_scene() -> PointCloud {
+        seen(&THINGS, [[0.0, -0.7, 0.7], [0.0, 0.0, 0.0]], 0.3, 300, 0.0008)
+    }
+
+    fn surveyed(cloud: &PointCloud, pick: Pick) -> Survey {
+        Survey::new(cloud, &Settings { table: Table::Auto, close: true, pick, ..Settings::default() })
+            .unwrap()
+    }
+
+    #[test]
+    fn things_on_a_found_table_are_told_apart_and_the_wall_is_none() {
+        let survey = surveyed(&table_scene(), Pick::Largest);
+        let table = survey.table().unwrap();
+        assert!(table.normal.z > 0.9995 && table.offset_m.abs() < 1e-3, "{table:?}");
+        let found = survey.objects();
+        assert_eq!(found.len(), 3, "{:?}", found.iter().map(|o| o.size_m).collect::<Vec<_>>());
+        for (object, (x, y, height)) in
+            found.iter().zip([(-0.09, 0.03, 0.12), (0.1, 0.1, 0.10), (0.035, -0.13, 0.05)])
+        {
+            assert!(
+                (object.center.x - x).abs() < 0.012 && (object.center.y - y).abs() < 0.03,
+                "{}",
+                object.center
+            );
+            assert!((object.size_m[2] - height).abs() < 0.004, "{:?}", object.size_m);
+        }
+    }
+
+    #[test]
+    fn each_model_is_closed_and_stands_on_the_table() {
+        let cloud = table_scene();
+        let survey = surveyed(&cloud, Pick::Largest);
+        for (number, height) in [0.12, 0.10, 0.05].into_iter().enumerate() {
+            let model = survey.object(number).unwrap();
+            assert!(model.report.watertight && model.report.components == 1, "{:?}", model.report);
+            assert_eq!(model.report.closing, Closing::OnTable);
+            let (low, high) = model.mesh.bounding_box();
+            assert!(low.z.abs() < 2e-3 && (high.z - height).abs() < 4e-3, "{low} {high}");
+        }
+        let whole = surveyed(&cloud, Pick::Whole).pick().unwrap();
+        assert_eq!(whole.report.components, 3);
+    }
+
+    #[test]
+    fn a_pick_means_one_of_them() {
+        let cloud = table_scene();
+        let number = |pick: Pick| surveyed(&cloud, pick).picked(&pick);
+        assert_eq!(number(Pick::Largest), Ok(Some(0)));
+        assert_eq!(number(Pick::Nearest), Ok(Some(2)));
+        assert_eq!(number(Pick::Number(1)), Ok(Some(1)));
+        assert_eq!(number(Pick::At(Point3::new(0.12, 0.1, 0.0))), Ok(Some(1)));
+        assert_eq!(number(Pick::Number(3)), Err(ReconstructError::NoSuchObject { number: 3, objects: 3 }));
+        let alone = cloud.filtered(|_, p| p.x < -0.02 && p.y > -0.01 && p.y < 0.07 && p.z > 0.004);
+        assert_eq!(surveyed(&alone, Pick::Largest).picked(&Pick::Largest), Ok(None));
+    }
+}

@@ -436,3 +436,63 @@ fn turned_sight(sight: &Sight, center: &Point2<f64>, angle_rad: f64) -> Sight {
     let image = turned(&Tangent { origin: sight.point, normal: sight.towards_sensor }, center, angle_rad);
     Sight { point: image.origin, towards_sensor: image.normal }
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::surface::{
+        PointCloud, Provenance, Reconstruction, Settings, Table,
+        camera::{Thing, seen},
+        reconstruct,
+        table::Plane,
+    };
+
+    /// One view, 35 degrees from the vertical.
+    fn one_view(thing: Thing) -> PointCloud {
+        seen(&[thing], [[0.29, -0.32, 0.6], [0.0, 0.0, 0.03]], 0.25, 300, 2e-4).filtered(|_, p| p.y < 0.3)
+    }
+
+    fn completed(cloud: &PointCloud, symmetry: bool) -> Reconstruction {
+        let table = Table::Plane(Plane::horizontal(0.0));
+        reconstruct(cloud, &Settings { table, close: true, symmetry, ..Settings::default() }).unwrap()
+    }
+
+    fn volume_ratio(model: &Reconstruction, truth: f64) -> f64 {
+        assert!(model.report.watertight && model.report.components == 1, "{:?}", model.report);
+        model.mesh.signed_volume_m3() / truth
+    }
+
+    #[test]
+    fn the_back_of_a_cylinder_is_turned_and_that_of_a_box_mirrored() {
+        use std::f64::consts::PI;
+        for (thing, volume) in [
+            (Thing::Cylinder([0.0, 0.0], 0.035, 0.08), PI * 0.035 * 0.035 * 0.08),
+            (Thing::Box([-0.03, -0.045, 0.0], [0.03, 0.045, 0.06]), 0.06 * 0.09 * 0.06),
+            (Thing::Ball([0.0, 0.0, 0.035], 0.035), 4.0 / 3.0 * PI * 0.035_f64.powi(3)),
+        ] {
+            let cloud = one_view(thing);
+            let model = completed(&cloud, true);
+            let ratio = volume_ratio(&model, volume);
+            assert!((ratio - 1.0).abs() < 0.06, "{thing:?}: {ratio}");
+            let area = model.mesh.area_m2();
+            let share = |each| model.mesh.area_of_m2(each) / area;
+            assert!(share(Provenance::Mirrored) > 0.15, "{thing:?}: {}", share(Provenance::Mirrored));
+            assert!(share(Provenance::Extruded) < 0.25, "{thing:?}: {}", share(Provenance::Extruded));
+            let plain = completed(&cloud, false);
+            assert_eq!(plain.mesh.area_of_m2(Provenance::Mirrored), 0.0);
+        }
+    }
+
+    #[test]
+    fn without_a_symmetry_nothing_is_mirrored() {
+        // An L, which has no upright plane of symmetry that a view from this side would not contradict.
+        let arms = [
+            Thing::Box([-0.05, -0.05, 0.0], [0.05, -0.02, 0.06]),
+            Thing::Box([-0.05, -0.02, 0.0], [-0.02, 0.06, 0.03]),
+        ];
+        let cloud =
+            seen(&arms, [[0.29, -0.32, 0.6], [0.0, 0.0, 0.03]], 0.25, 300, 2e-4).filtered(|_, p| p.y < 0.3);
+        let model = completed(&cloud, true);
+        let share = model.mesh.area_of_m2(Provenance::Mirrored) / model.mesh.area_m2();
+        assert!(model.report.watertight && share < 0.12, "{share}");
+    }
+}
