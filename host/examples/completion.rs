@@ -13,6 +13,7 @@
 //! then the same without symmetry.
 
 use std::collections::HashSet;
+use std::f64::consts::FRAC_PI_2;
 
 use anyhow::Context;
 use host::object::BuiltIn;
@@ -82,8 +83,7 @@ fn solids() -> anyhow::Result<Vec<Solid>> {
     let turned = |profile: &[[f64; 2]]| {
         revolve(&profile.iter().map(|&[r, z]| ProfilePoint::new(r, z)).collect::<Vec<_>>(), 96)
     };
-    let lying =
-        Isometry3::translation(0.0, 0.0, 0.025) * Isometry3::rotation(Vector3::x() * -1.570_796_326_8);
+    let lying = Isometry3::translation(0.0, 0.0, 0.025) * Isometry3::rotation(Vector3::x() * -FRAC_PI_2);
     let sphere: Vec<[f64; 2]> = (0..=48)
         .map(|i| {
             let (sin, cos) = (std::f64::consts::PI * f64::from(i) / 48.0).sin_cos();
@@ -99,8 +99,7 @@ fn solids() -> anyhow::Result<Vec<Solid>> {
             [0.025 + 0.005 * cos, 0.005 * sin]
         })
         .collect();
-    let upright =
-        Isometry3::translation(0.042, 0.0, 0.045) * Isometry3::rotation(Vector3::x() * 1.570_796_326_8);
+    let upright = Isometry3::translation(0.042, 0.0, 0.045) * Isometry3::rotation(Vector3::x() * FRAC_PI_2);
     Ok(vec![
         one("box", cuboid([0.06, 0.09, 0.05])?),
         one("cylinder, upright", revolve(&cylinder_profile(0.03, 0.10), 96)?),

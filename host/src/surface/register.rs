@@ -161,8 +161,9 @@ struct Sweep {
     table: Vec<Point3<f64>>,
     /// Side of the voxels that it was thinned with.
     voxel_m: f64,
-    /// What it turns about.
+    /// What it turns about, and the mean square distance of its points from there, as a distance.
     middle: Point3<f64>,
+    radius_m: f64,
     /// Rotation vector, then translation.
     moved: [Vector3<f64>; 2],
 }
@@ -185,12 +186,14 @@ impl Sweep {
         let sum: Vector3<f64> =
             planes.iter().map(|p| &p.origin).chain(&table.points).map(|p| p.coords / count).sum();
         let origins: Vec<Point3<f64>> = planes.iter().map(|plane| plane.origin).collect();
+        let squares: f64 = origins.iter().chain(&table.points).map(|p| (p.coords - sum).norm_squared()).sum();
         Self {
             grid: Grid::for_surface(&origins),
             planes,
             table: table.points,
             voxel_m,
             middle: sum.into(),
+            radius_m: (squares / count).sqrt().max(LEAST_SCATTER_M),
             moved: [Vector3::zeros(); 2],
         }
     }
@@ -311,7 +314,8 @@ fn typical(pairs: &[Pair]) -> f64 {
     1.4826 * median(pairs.iter().map(|pair| pair.gap_m.abs()).collect())
 }
 
-/// One step of Gauss-Newton on all motions at once, each in units of its prior.
+/// One step of Gauss-Newton on all motions at once. A turn is measured by how far it moves the sweep's points, so that
+/// what is known about turns and shifts compares.
 fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatter_m: f64) {
     let count = 6 * sweeps.len();
     let (mut form, mut pull) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
@@ -332,7 +336,7 @@ fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatt
         }
     };
     let row = |sweep: &Sweep, point: &Point3<f64>, normal: &Vector3<f64>| {
-        let turn = (point - sweep.middle - sweep.moved[1]).cross(normal) * PRIOR_RAD;
+        let turn = (point - sweep.middle - sweep.moved[1]).cross(normal) * (PRIOR_M / sweep.radius_m);
         let shift = normal * PRIOR_M;
         [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
     };
@@ -347,25 +351,34 @@ fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatt
         add(&[(*sweep, row(&sweeps[*sweep], point, normal))], *gap_m, 1.0);
     }
     // The prior pulls what was moved so far back.
+    let unit = |sweep: &Sweep| [PRIOR_M / sweep.radius_m, PRIOR_M];
+    let mut prior = DVector::<f64>::zeros(count);
     for (s, sweep) in sweeps.iter().enumerate() {
-        let so_far = [sweep.moved[0] / PRIOR_RAD, sweep.moved[1] / PRIOR_M];
+        let units = unit(sweep);
         for i in 0..6 {
-            pull[6 * s + i] -= so_far[i / 3][i % 3];
+            let (part, axis) = (i / 3, i % 3);
+            prior[6 * s + i] = (units[part] / [PRIOR_RAD, PRIOR_M][part]).powi(2);
+            pull[6 * s + i] -= prior[6 * s + i] * sweep.moved[part][axis] / units[part];
         }
     }
     let eigen = SymmetricEigen::new(form);
     let least = LEAST_INFORMATION.max(LEAST_SHARE * eigen.eigenvalues.max());
-    let mut step = DVector::<f64>::zeros(count);
-    for (i, &information) in eigen.eigenvalues.iter().enumerate().filter(|(_, value)| **value >= least) {
-        let direction = eigen.eigenvectors.column(i);
-        step += direction * (direction.dot(&pull) / (information + 1.0));
+    let known: Vec<usize> = (0..count).filter(|&i| eigen.eigenvalues[i] >= least).collect();
+    // What is known and the prior together, along the directions that are known.
+    let directions = DMatrix::from_fn(count, known.len(), |row, i| eigen.eigenvectors[(row, known[i])]);
+    let mut reduced = directions.transpose() * DMatrix::from_diagonal(&prior) * &directions;
+    for (i, &k) in known.iter().enumerate() {
+        reduced[(i, i)] += eigen.eigenvalues[k];
     }
+    let Some(factor) = reduced.cholesky() else { return };
+    let step = &directions * factor.solve(&(directions.transpose() * pull));
     if !step.iter().all(|x| x.is_finite()) {
         return;
     }
     for (s, sweep) in sweeps.iter_mut().enumerate() {
+        let units = unit(sweep);
         let part = |at: usize, unit: f64| Vector3::new(step[at], step[at + 1], step[at + 2]) * unit;
-        let [turn, shift] = [part(6 * s, PRIOR_RAD), part(6 * s + 3, PRIOR_M)];
+        let [turn, shift] = [part(6 * s, units[0]), part(6 * s + 3, units[1])];
         sweep.moved =
             [(sweep.moved[0] + turn).cap_magnitude(MOST_RAD), (sweep.moved[1] + shift).cap_magnitude(MOST_M)];
     }

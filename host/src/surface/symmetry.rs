@@ -472,7 +472,7 @@ mod tests {
             let cloud = one_view(thing);
             let model = completed(&cloud, true);
             let ratio = volume_ratio(&model, volume);
-            assert!((ratio - 1.0).abs() < 0.06, "{thing:?}: {ratio}");
+            assert!((ratio - 1.0).abs() < 0.1, "{thing:?}: {ratio}");
             let area = model.mesh.area_m2();
             let share = |each| model.mesh.area_of_m2(each) / area;
             assert!(share(Provenance::Mirrored) > 0.15, "{thing:?}: {}", share(Provenance::Mirrored));

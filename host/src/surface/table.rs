@@ -41,6 +41,8 @@ impl Plane {
     }
 }
 
+/// Planes that are tried, and attempts at each.
+const PLANES: usize = 4;
 const ATTEMPTS: usize = 400;
 /// Points that score an attempt.
 const SCORED: usize = 2000;
@@ -121,8 +123,8 @@ fn within([low, high]: &[[f64; 2]; 2], point: &Point3<f64>) -> bool {
     (0..2).all(|axis| (low[axis]..=high[axis]).contains(&point[axis]))
 }
 
-/// Looks for the table: the plane with the most points within `tolerance_m` (RANSAC, then least squares), if it is a
-/// table at all.
+/// Looks for the table: the plane with the most points within `tolerance_m` (RANSAC, then least squares), of the largest
+/// few, that is a table at all.
 ///
 /// A side of a box, too, is a plane with many points. On a table something stands, on the side that the sensor saw,
 /// and nothing is seen below it. Only what lies within the plane's outline counts: a room goes on beside the table.
@@ -133,9 +135,29 @@ pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Tab
         return None;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // A wall or a floor may have more points than the table: what lies in a plane that is none is left out.
+    let mut rest = points.clone();
+    for _ in 0..PLANES {
+        let plane = largest_plane(&rest, tolerance_m, &mut rng)?;
+        if let Some(table) = as_table(&plane, cloud, tolerance_m) {
+            return Some(table);
+        }
+        rest.retain(|p| plane.height(p).abs() > 2.0 * tolerance_m);
+        if (rest.len() as f64) < LEAST_SHARE * points.len() as f64 {
+            return None;
+        }
+    }
+    None
+}
+
+/// The plane with the most points.
+fn largest_plane(points: &[Point3<f64>], tolerance_m: f64, rng: &mut ChaCha8Rng) -> Option<Plane> {
+    if points.len() < 3 {
+        return None;
+    }
     let mut pick = || points[rng.random_range(0..points.len())];
     let sample: Vec<Point3<f64>> =
-        if points.len() <= SCORED { points.clone() } else { (0..SCORED).map(|_| pick()).collect() };
+        if points.len() <= SCORED { points.to_vec() } else { (0..SCORED).map(|_| pick()).collect() };
     let mut best: Option<(usize, Plane)> = None;
     for _ in 0..ATTEMPTS {
         let (a, b, c) = (pick(), pick(), pick());
@@ -152,15 +174,21 @@ pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Tab
     for _ in 0..2 {
         plane = refit(points.iter().filter(|p| plane.height(p).abs() < tolerance_m))?;
     }
+    Some(plane)
+}
+
+/// The plane as a table, if it is one from either side.
+fn as_table(plane: &Plane, cloud: &PointCloud, tolerance_m: f64) -> Option<TableTop> {
+    let points = &cloud.points;
     let flipped = Plane { normal: -plane.normal, offset_m: -plane.offset_m };
     match &cloud.views {
         Some(views) => {
             let seen_from_front = views.iter().map(|view| view.dot(&plane.normal)).sum::<f64>() > 0.0;
-            table_top(if seen_from_front { &plane } else { &flipped }, points, tolerance_m)
+            table_top(if seen_from_front { plane } else { &flipped }, points, tolerance_m)
         }
         // Either side may be the front. A box seen from within is then told from a table by what stands there:
         // it reaches from rim to rim.
-        None => [plane, flipped].iter().find_map(|side| {
+        None => [*plane, flipped].iter().find_map(|side| {
             table_top(side, points, tolerance_m).filter(|top| top.is_wider_than_rest(points, tolerance_m))
         }),
     }
@@ -285,8 +313,8 @@ mod tests {
                 cloud.points.push(Point3::new(x, 0.30, z));
             }
         }
-        for i in 0..40 {
-            cloud.points.push(Point3::new(0.005 * f64::from(i), 0.001, -0.003));
+        for i in 8..32 {
+            cloud.points.push(Point3::new(0.005 * f64::from(i), 0.05, -0.003));
         }
         let top = find_table(&cloud, 0.001, 1).unwrap();
         assert!(!top.carries(&Point3::new(0.05, 0.30, 0.04), 0.01));

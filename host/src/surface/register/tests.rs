@@ -6,7 +6,7 @@ use super::*;
 
 /// Points of a box 60 x 40 x 30 mm about (0.4, 0, 0.015), on the faces that a sensor in `view`'s direction sees, with
 /// noise of 50 um along the line of sight.
-fn seen_box(view: Vector3<f64>, rng: &mut ChaCha8Rng) -> Vec<(Point3<f64>, Unit<Vector3<f64>>)> {
+fn seen_box(view: Vector3<f64>, rng: &mut ChaCha8Rng) -> Seen {
     let half = Vector3::new(0.030, 0.020, 0.015);
     let view = Unit::new_normalize(view);
     let mut seen = Vec::new();
@@ -26,7 +26,10 @@ fn seen_box(view: Vector3<f64>, rng: &mut ChaCha8Rng) -> Vec<(Point3<f64>, Unit<
     seen
 }
 
-fn cloud_of(sweeps: &[(Isometry3<f64>, Vec<(Point3<f64>, Unit<Vector3<f64>>)>)]) -> PointCloud {
+/// Points with their lines of sight.
+type Seen = Vec<(Point3<f64>, Unit<Vector3<f64>>)>;
+
+fn cloud_of(sweeps: &[(Isometry3<f64>, Seen)]) -> PointCloud {
     let mut cloud = PointCloud { views: Some(vec![]), sweeps: Some(vec![]), ..PointCloud::default() };
     for (number, (motion, seen)) in sweeps.iter().enumerate() {
         for (point, view) in seen {
@@ -71,7 +74,7 @@ fn known_motions_of_overlapping_sweeps_are_found_again() {
 fn what_overlaps_do_not_show_stays() {
     // Two views of a plane, and each far off its place within it: only the height may change.
     let mut rng = ChaCha8Rng::seed_from_u64(2);
-    let mut sheet = || -> Vec<(Point3<f64>, Unit<Vector3<f64>>)> {
+    let mut sheet = || -> Seen {
         (0..6000)
             .map(|_| {
                 let [x, y] = [0, 1].map(|_| rng.random_range(-0.05..0.05));
