@@ -35,7 +35,10 @@ const MOST_RAD: f64 = 2e-2;
 /// Distance within which points of two sweeps may be the same spot, at first.
 const REACH_M: f64 = 4e-3;
 /// Rounds of matching and moving.
-const ROUNDS: usize = 8;
+const ROUNDS: usize = 10;
+/// Least scatter that gaps are judged by, as a share of the reach: what many pairs agree on must not hide, before it was
+/// brought near, what few say.
+const SCATTER_PER_REACH: f64 = 0.15;
 /// Most tangent planes of a sweep, and most of its points on the table.
 const MOST_PLANES: usize = 5000;
 const MOST_ON_TABLE: usize = 500;
@@ -136,7 +139,7 @@ pub fn register(cloud: &PointCloud, table: Option<&Plane>) -> Registration {
         }
         let scatter_m = typical(&pairs);
         before_m.get_or_insert(scatter_m);
-        move_together(&mut sweeps, &pairs, &heights, scatter_m);
+        move_together(&mut sweeps, &pairs, &heights, scatter_m.max(SCATTER_PER_REACH * reach_m));
         reach_m = (0.6 * reach_m).max(6.0 * scatter_m);
     }
     let (Some(before_m), after_m) = (before_m, typical(&matched(&sweeps, REACH_M))) else {

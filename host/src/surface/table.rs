@@ -41,6 +41,8 @@ impl Plane {
     }
 }
 
+/// Least size of a scene in which the largest plane may be a wall's or a floor's.
+const LEAST_ROOM_M: f64 = 0.5;
 /// Planes that are tried, and attempts at each.
 const PLANES: usize = 4;
 const ATTEMPTS: usize = 400;
@@ -137,10 +139,18 @@ pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Tab
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // A wall or a floor may have more points than the table: what lies in a plane that is none is left out.
     let mut rest = points.clone();
-    for _ in 0..PLANES {
+    let extent_m = bounding_box(points).map_or(0.0, |(low, high)| (high - low).amax());
+    for round in 0..PLANES {
         let plane = largest_plane(&rest, tolerance_m, &mut rng)?;
-        if let Some(table) = as_table(&plane, cloud, tolerance_m) {
+        let table = as_table(&plane, cloud, tolerance_m);
+        // A scan of one thing has smaller planes, too, but no table that is wider than what is on it.
+        if let Some(table) = table
+            && (round == 0 || table.is_wider_than_rest(points, tolerance_m))
+        {
             return Some(table);
+        }
+        if extent_m < LEAST_ROOM_M {
+            return None;
         }
         rest.retain(|p| plane.height(p).abs() > 2.0 * tolerance_m);
         if (rest.len() as f64) < LEAST_SHARE * points.len() as f64 {
@@ -233,8 +243,10 @@ fn table_top(plane: &Plane, points: &[Point3<f64>], tolerance_m: f64) -> Option<
 fn outline(points: &[&Point3<f64>]) -> Vec<[f64; 2]> {
     let flat = |p: &&&Point3<f64>| Point3::new(p.x, p.y, 0.0);
     let flat: Vec<Point3<f64>> = points.iter().map(|p| flat(&p)).collect();
-    let extent_m = bounding_box(&flat).map_or(0.0, |(low, high)| (high - low).amax());
-    let patches = clusters(&flat, (extent_m / CELLS).max(f64::MIN_POSITIVE));
+    let size = bounding_box(&flat).map_or_else(Vector3::zeros, |(low, high)| high - low);
+    let spacing_m = (size.x * size.y / flat.len().max(1) as f64).sqrt();
+    let cell_m = (size.amax() / CELLS).max(3.0 * spacing_m).max(f64::MIN_POSITIVE);
+    let patches = clusters(&flat, cell_m);
     let largest = patches.iter().map(Vec::len).max().unwrap_or(0) as f64;
     let table = patches.iter().filter(|patch| patch.len() as f64 >= LEAST_PATCH * largest).flatten();
     let corners = convex_hull(table.map(|&i| [flat[i as usize].x, flat[i as usize].y]).collect());

@@ -113,7 +113,7 @@ fn a_known_table_says_how_high_all_sweeps_are() {
     for (correction, motion) in moved.corrections.iter().zip(&motions) {
         let on_table = Point3::new(0.45, 0.05, 0.0);
         let height = (correction * (motion * on_table)).z;
-        assert!(height.abs() < 3e-5, "{height}");
+        assert!(height.abs() < 6e-5, "{height}");
     }
 }
 
