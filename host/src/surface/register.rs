@@ -60,8 +60,8 @@ const PAIRS_IN_ONE: f64 = 10.0;
 const LEAST_SCATTER_M: f64 = 1e-5;
 /// Least information about a motion, as a multiple of the prior's, that moves anything.
 const LEAST_INFORMATION: f64 = 4.0;
-/// The same as a share of what is known best. Noise of a few degrees in the normals feigns about a thousandth.
-const LEAST_SHARE: f64 = 3e-3;
+/// The same as a share of what is known best.
+const LEAST_SHARE: f64 = 1e-3;
 /// How near the table's plane a point counts as the table's.
 const TABLE_REACH_M: f64 = 2e-3;
 
@@ -164,9 +164,8 @@ struct Sweep {
     table: Vec<Point3<f64>>,
     /// Side of the voxels that it was thinned with.
     voxel_m: f64,
-    /// What it turns about, and the mean square distance of its points from there, as a distance.
+    /// What it turns about.
     middle: Point3<f64>,
-    radius_m: f64,
     /// Rotation vector, then translation.
     moved: [Vector3<f64>; 2],
 }
@@ -189,14 +188,12 @@ impl Sweep {
         let sum: Vector3<f64> =
             planes.iter().map(|p| &p.origin).chain(&table.points).map(|p| p.coords / count).sum();
         let origins: Vec<Point3<f64>> = planes.iter().map(|plane| plane.origin).collect();
-        let squares: f64 = origins.iter().chain(&table.points).map(|p| (p.coords - sum).norm_squared()).sum();
         Self {
             grid: Grid::for_surface(&origins),
             planes,
             table: table.points,
             voxel_m,
             middle: sum.into(),
-            radius_m: (squares / count).sqrt().max(LEAST_SCATTER_M),
             moved: [Vector3::zeros(); 2],
         }
     }
@@ -317,8 +314,7 @@ fn typical(pairs: &[Pair]) -> f64 {
     1.4826 * median(pairs.iter().map(|pair| pair.gap_m.abs()).collect())
 }
 
-/// One step of Gauss-Newton on all motions at once. A turn is measured by how far it moves the sweep's points, so that
-/// what is known about turns and shifts compares.
+/// One step of Gauss-Newton on all motions at once, each in units of its prior.
 fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatter_m: f64) {
     let count = 6 * sweeps.len();
     let (mut form, mut pull) = (DMatrix::<f64>::zeros(count, count), DVector::<f64>::zeros(count));
@@ -339,7 +335,7 @@ fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatt
         }
     };
     let row = |sweep: &Sweep, point: &Point3<f64>, normal: &Vector3<f64>| {
-        let turn = (point - sweep.middle - sweep.moved[1]).cross(normal) * (PRIOR_M / sweep.radius_m);
+        let turn = (point - sweep.middle - sweep.moved[1]).cross(normal) * PRIOR_RAD;
         let shift = normal * PRIOR_M;
         [turn.x, turn.y, turn.z, shift.x, shift.y, shift.z]
     };
@@ -354,34 +350,25 @@ fn move_together(sweeps: &mut [Sweep], pairs: &[Pair], heights: &[Height], scatt
         add(&[(*sweep, row(&sweeps[*sweep], point, normal))], *gap_m, 1.0);
     }
     // The prior pulls what was moved so far back.
-    let unit = |sweep: &Sweep| [PRIOR_M / sweep.radius_m, PRIOR_M];
-    let mut prior = DVector::<f64>::zeros(count);
     for (s, sweep) in sweeps.iter().enumerate() {
-        let units = unit(sweep);
+        let so_far = [sweep.moved[0] / PRIOR_RAD, sweep.moved[1] / PRIOR_M];
         for i in 0..6 {
-            let (part, axis) = (i / 3, i % 3);
-            prior[6 * s + i] = (units[part] / [PRIOR_RAD, PRIOR_M][part]).powi(2);
-            pull[6 * s + i] -= prior[6 * s + i] * sweep.moved[part][axis] / units[part];
+            pull[6 * s + i] -= so_far[i / 3][i % 3];
         }
     }
     let eigen = SymmetricEigen::new(form);
     let least = LEAST_INFORMATION.max(LEAST_SHARE * eigen.eigenvalues.max());
-    let known: Vec<usize> = (0..count).filter(|&i| eigen.eigenvalues[i] >= least).collect();
-    // What is known and the prior together, along the directions that are known.
-    let directions = DMatrix::from_fn(count, known.len(), |row, i| eigen.eigenvectors[(row, known[i])]);
-    let mut reduced = directions.transpose() * DMatrix::from_diagonal(&prior) * &directions;
-    for (i, &k) in known.iter().enumerate() {
-        reduced[(i, i)] += eigen.eigenvalues[k];
+    let mut step = DVector::<f64>::zeros(count);
+    for (i, &information) in eigen.eigenvalues.iter().enumerate().filter(|(_, value)| **value >= least) {
+        let direction = eigen.eigenvectors.column(i);
+        step += direction * (direction.dot(&pull) / (information + 1.0));
     }
-    let Some(factor) = reduced.cholesky() else { return };
-    let step = &directions * factor.solve(&(directions.transpose() * pull));
     if !step.iter().all(|x| x.is_finite()) {
         return;
     }
     for (s, sweep) in sweeps.iter_mut().enumerate() {
-        let units = unit(sweep);
         let part = |at: usize, unit: f64| Vector3::new(step[at], step[at + 1], step[at + 2]) * unit;
-        let [turn, shift] = [part(6 * s, units[0]), part(6 * s + 3, units[1])];
+        let [turn, shift] = [part(6 * s, PRIOR_RAD), part(6 * s + 3, PRIOR_M)];
         sweep.moved =
             [(sweep.moved[0] + turn).cap_magnitude(MOST_RAD), (sweep.moved[1] + shift).cap_magnitude(MOST_M)];
     }

@@ -49,7 +49,8 @@ fn about_the_box(turn: Vector3<f64>, shift: Vector3<f64>) -> Isometry3<f64> {
 #[test]
 fn known_motions_of_overlapping_sweeps_are_found_again() {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let views = [[0.4, 0.4, 1.0], [1.0, 0.6, 1.0], [-0.6, 1.0, 1.0], [-1.0, -0.6, 1.0], [0.6, -1.0, 1.0]];
+    // All see the same three faces: nothing ties views of opposite faces together, as nobody knows the box's width.
+    let views = [[0.4, 0.4, 1.0], [1.0, 0.6, 1.0], [0.6, 1.0, 1.0], [1.0, 1.0, 0.5], [0.6, 0.5, 1.0]];
     let motions: Vec<Isometry3<f64>> = views
         .iter()
         .map(|_| {
