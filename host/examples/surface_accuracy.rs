@@ -1,7 +1,7 @@
 //! Accuracy of reconstructed scans of the built-in objects: distances, and the normals that fingertips find.
 //!
-//! `cargo run --release -p host --example surface_accuracy [SEEDS] [NOISE_PX] [OUTLIERS] [SWEEPS_MM]` scans each object as `prehend demo` does
-//! (SEEDS 1 to 3, 0.15 px, a share of 0 strays, sweeps misplaced by 0 mm by default) and prints means over the seeds:
+//! `cargo run --release -p host --example surface_accuracy [SEEDS] [NOISE_PX] [OUTLIERS] [SWEEPS_MM]` scans each
+//! object as `prehend demo` does (SEEDS 1 to 3, 0.15 px, a share of 0 strays, sweeps misplaced by 0 mm by default) and prints means over the seeds:
 //!
 //! - mesh -> truth: from points spread evenly over the faces that measured points support, mm, mean and 95 %;
 //! - truth -> mesh: from the points that the same scan sees without noise, mm, mean and 95 %;
