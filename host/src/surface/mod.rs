@@ -7,6 +7,7 @@ pub mod cloud;
 mod contour;
 pub mod decimate;
 pub mod distance;
+mod finish;
 mod fragments;
 pub mod grid;
 pub mod mesh;
@@ -17,6 +18,7 @@ pub mod reconstruct;
 pub mod register;
 pub mod scene;
 mod sharpen;
+pub mod survey;
 mod symmetry;
 pub mod table;
 pub mod tangent;
@@ -25,9 +27,8 @@ pub mod thin;
 pub use cloud::{CloudError, PointCloud};
 pub use mesh::{Mesh, MeshError};
 pub use provenance::Provenance;
-pub use reconstruct::{
-    Closing, ReconstructError, Reconstruction, Report, Settings, Survey, Table, reconstruct,
-};
+pub use reconstruct::{Closing, ReconstructError, Reconstruction, Report, Settings, Table, reconstruct};
 pub use register::{Registration, register};
 pub use scene::{Pick, SceneObject};
+pub use survey::Survey;
 pub use table::Plane;

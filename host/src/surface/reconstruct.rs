@@ -2,30 +2,29 @@
 
 use std::time::Instant;
 
-use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{
-    carve::{Carved, Sight},
+    carve::Sight,
     close::solid_on_table,
     cloud::{CloudError, PointCloud},
     contour::contour,
-    decimate::{Limits, decimate},
     distance::{Field, Lattice, Planes, Support, signed_distance},
+    finish::{fewer_triangles, provenances, without_flaps},
     fragments::without_fragments,
-    grid::{Grid, Neighbour},
+    grid::Grid,
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
-    outlier::{inliers, median, quantile},
-    provenance::Provenance,
-    register::{Registration, register},
-    scene::{Pick, SceneObject, objects},
+    outlier::{median, quantile},
+    register::Registration,
+    scene::Pick,
     sharpen::sharp_contour,
+    survey::{Cleaned, Survey},
     symmetry::{Guess, guess},
-    table::{Plane, TableTop, find_table},
+    table::Plane,
     tangent::{Tangent, Tangents, tangents},
-    thin::{Thinned, thin},
 };
 
 /// Fewest points that make a surface.
@@ -33,15 +32,6 @@ pub const FEWEST_POINTS: usize = 30;
 
 /// Edge of a lattice cell per spacing of the points. Larger cells cut corners: a rim of 3 mm loses a millimetre at 1.5.
 const CELL_PER_SPACING: f64 = 1.1;
-
-/// Points belong to the table up to this many times how far its points scatter below its plane.
-const SCATTERS: f64 = 1.25;
-
-/// Least cosine between a face and the line of sight to the sensor that saw it. A little below none, for noise.
-const LEAST_FACING: f64 = -0.1;
-/// Edges shorter than this share of a cell are slivers' and collapse, where the surface moves less than the other share.
-const SLIVER_EDGE: f64 = 0.15;
-const SLIVER_TOLERANCE: f64 = 0.05;
 
 /// Where the table is.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
@@ -263,93 +253,8 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     survey.whole()
 }
 
-/// A cloud made ready: cropped, its sweeps registered, thinned, without its table, and divided into objects.
-pub struct Survey {
-    settings: Settings,
-    cleaned: Cleaned,
-    objects: Vec<SceneObject>,
-    clean_s: f64,
-}
-
-impl Survey {
-    /// Makes a cloud ready. Errors as [`reconstruct`] does before there is a surface.
-    pub fn new(cloud: &PointCloud, settings: &Settings) -> Result<Self, ReconstructError> {
-        check_settings(settings)?;
-        let mut clock = Clock(Instant::now());
-        let cleaned = Cleaned::new(cloud, settings)?;
-        let objects = if settings.pick == Pick::Whole { Vec::new() } else { cleaned.objects() };
-        Ok(Self { settings: settings.clone(), cleaned, objects, clean_s: clock.lap() })
-    }
-
-    /// The objects on the table, the largest first. None without a table, or when [`Pick::Whole`] was asked for.
-    #[must_use]
-    pub fn objects(&self) -> &[SceneObject] {
-        &self.objects
-    }
-
-    /// The table, given or found.
-    #[must_use]
-    pub fn table(&self) -> Option<Plane> {
-        self.cleaned.table.as_ref().map(|table| table.plane)
-    }
-
-    /// Number of the object that a pick means; `None` for the whole, or when there are no objects.
-    pub fn picked(&self, pick: &Pick) -> Result<Option<usize>, ReconstructError> {
-        let nearest_to = |point: Point3<f64>| {
-            let distances = self.objects.iter().map(|object| (object.center - point).norm());
-            distances.enumerate().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(number, _)| number)
-        };
-        Ok(match *pick {
-            Pick::Whole => None,
-            // A lone object needs no table to be told from others.
-            Pick::Number(0) | Pick::Largest if self.objects.is_empty() => None,
-            Pick::Number(number) if number < self.objects.len() => Some(number),
-            Pick::Number(number) => {
-                return Err(ReconstructError::NoSuchObject { number, objects: self.objects.len() });
-            }
-            Pick::Largest => Some(0),
-            Pick::Nearest => nearest_to(self.cleaned.sensor()),
-            Pick::At(point) => nearest_to(point),
-        })
-    }
-
-    /// Reconstructs what the settings pick.
-    pub fn pick(&self) -> Result<Reconstruction, ReconstructError> {
-        match self.picked(&self.settings.pick)? {
-            Some(number) => self.object(number),
-            None => self.whole(),
-        }
-    }
-
-    /// Reconstructs all that stands on the table, or the whole cloud without a table, as one body.
-    pub fn whole(&self) -> Result<Reconstruction, ReconstructError> {
-        self.surface(&self.cleaned.above)
-    }
-
-    /// Reconstructs one of the objects.
-    pub fn object(&self, number: usize) -> Result<Reconstruction, ReconstructError> {
-        let objects = self.objects.len();
-        let object = self.objects.get(number).ok_or(ReconstructError::NoSuchObject { number, objects })?;
-        self.surface(&object.members)
-    }
-
-    fn surface(&self, members: &[u32]) -> Result<Reconstruction, ReconstructError> {
-        let keep = self.cleaned.without_strays(members, &self.settings);
-        let object = self.cleaned.thinned.filtered(|i, _| keep[i]);
-        enough(self.cleaned.given, object.len(), "removing outliers")?;
-        not_on_a_line(&object.points)?;
-        // What else stands there tells of empty space, too.
-        let keep_all = if members.len() == self.cleaned.above.len() {
-            keep
-        } else {
-            self.cleaned.without_strays(&self.cleaned.above, &self.settings)
-        };
-        let sights = self.cleaned.sights(&keep_all);
-        surface_of(&object, &sights, &self.cleaned, &self.settings, self.clean_s)
-    }
-}
-
-fn surface_of(
+/// The surface of one object of a cloud that was made ready in `clean_s` seconds.
+pub(super) fn surface_of(
     object: &PointCloud,
     sights: &[Sight],
     cleaned: &Cleaned,
@@ -357,7 +262,7 @@ fn surface_of(
     clean_s: f64,
 ) -> Result<Reconstruction, ReconstructError> {
     let mut seconds = StageSeconds { clean_s, ..StageSeconds::default() };
-    let mut clock = Clock(Instant::now());
+    let mut clock = Clock::start();
     let table = cleaned.table.as_ref().map(|table| table.plane);
 
     let grid = Grid::for_surface(&object.points);
@@ -471,17 +376,21 @@ fn surface_of(
     Ok(Reconstruction { mesh, report })
 }
 
-struct Clock(Instant);
+pub(super) struct Clock(Instant);
 
 impl Clock {
-    fn lap(&mut self) -> f64 {
+    pub(super) fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    pub(super) fn lap(&mut self) -> f64 {
         let now = Instant::now();
         let lap = now - std::mem::replace(&mut self.0, now);
         lap.as_secs_f64()
     }
 }
 
-fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
+pub(super) fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
     let positive = [
         ("cell_m", settings.cell_m),
         ("voxel_m", settings.voxel_m),
@@ -500,134 +409,15 @@ fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
     Ok(())
 }
 
-fn enough(given: usize, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
+pub(super) fn enough(given: usize, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
     if left < FEWEST_POINTS {
         return Err(ReconstructError::TooFew { given, left, stage });
     }
     Ok(())
 }
 
-/// A cloud without what is no object, and with what all its points tell about empty space.
-struct Cleaned {
-    /// Points given.
-    given: usize,
-    thinned: PointCloud,
-    spacing_m: f64,
-    /// The thinned points that stand on the table.
-    above: Vec<u32>,
-    /// Dense points with their lines of sight, and the thinned point of each.
-    scene: PointCloud,
-    voxel_of: Vec<u32>,
-    table: Option<TableTop>,
-    margin_m: f64,
-    registration: Registration,
-}
-
-impl Cleaned {
-    fn new(cloud: &PointCloud, settings: &Settings) -> Result<Self, ReconstructError> {
-        let given = cloud.len();
-        let mut scene = cloud.clone().checked()?;
-        enough(given, scene.len(), "reading")?;
-        if let Some((low, high)) = settings.crop {
-            scene = scene.filtered(|_, p| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]));
-            enough(given, scene.len(), "cropping")?;
-        }
-        not_on_a_line(&scene.points)?;
-        let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
-        let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
-        let mut thin_scene = thin(&scene, voxel_m);
-        let thinned = &thin_scene.cloud;
-        let spacing_m = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
-        let table = match settings.table {
-            Table::None => None,
-            Table::Auto => find_table(thinned, spacing_m.max(0.002 * extent), settings.seed),
-            Table::Plane(plane) => Some(TableTop::endless(plane)),
-        };
-        let registration = if settings.register {
-            register(&scene, table.as_ref().map(|table| &table.plane))
-        } else {
-            Registration::OneSweep
-        };
-        if matches!(registration, Registration::Moved(_)) {
-            scene = registration.applied(&scene);
-            thin_scene = thin(&scene, voxel_m);
-        }
-        let Thinned { cloud: thinned, voxel_of } = thin_scene;
-        let margin_m = settings.table_margin_m.unwrap_or_else(|| {
-            let scatter_m = table.as_ref().map_or(0.0, |table| table.scatter_m);
-            spacing_m.max(0.001).max(SCATTERS * scatter_m)
-        });
-        let carried = |p: &Point3<f64>| table.as_ref().is_none_or(|table| table.carries(p, margin_m));
-        let above: Vec<u32> =
-            (0..thinned.len() as u32).filter(|&i| carried(&thinned.points[i as usize])).collect();
-        enough(given, above.len(), "removing the table")?;
-        Ok(Self { given, thinned, spacing_m, above, scene, voxel_of, table, margin_m, registration })
-    }
-
-    /// What stands on the table; nothing when there is none.
-    fn objects(&self) -> Vec<SceneObject> {
-        self.table.as_ref().map_or_else(Vec::new, |table| {
-            objects(&self.thinned.points, &self.above, table, self.spacing_m, self.margin_m)
-        })
-    }
-
-    /// Which of the thinned points belong to no stray.
-    fn without_strays(&self, members: &[u32], settings: &Settings) -> Vec<bool> {
-        let mut keep = vec![false; self.thinned.len()];
-        let points: Vec<Point3<f64>> = members.iter().map(|&i| self.thinned.points[i as usize]).collect();
-        let belongs = if settings.outliers { inliers(&points, 6.0) } else { vec![true; points.len()] };
-        members.iter().zip(belongs).for_each(|(&i, belongs)| keep[i as usize] = belongs);
-        keep
-    }
-
-    /// Lines of sight of those points that are no strays, and of the table's.
-    ///
-    /// The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
-    fn sights(&self, keep: &[bool]) -> Vec<Sight> {
-        let on_table =
-            |p: &Point3<f64>| self.table.as_ref().is_some_and(|t| t.plane.height(p).abs() <= self.margin_m);
-        let seen = self.scene.views.iter().flatten().zip(&self.scene.points).zip(&self.voxel_of);
-        seen.filter(|((_, point), voxel)| keep[**voxel as usize] || on_table(point))
-            .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
-            .collect()
-    }
-
-    /// The point that the nearest object is near to: the mean of where lines of sight go, or the origin.
-    fn sensor(&self) -> Point3<f64> {
-        let Some(views) = &self.scene.views else { return Point3::origin() };
-        // The point nearest to all lines of sight.
-        let (mut form, mut pull) = (Matrix3::zeros(), Vector3::zeros());
-        for (point, view) in self.scene.points.iter().zip(views) {
-            let across = Matrix3::identity() - view.into_inner() * view.transpose();
-            form += across;
-            pull += across * point.coords;
-        }
-        let far = || {
-            self.thinned.points.first().copied().unwrap_or_else(Point3::origin) + views[0].into_inner() * 1e3
-        };
-        form.try_inverse().map_or_else(far, |inverse| Point3::from(inverse * pull))
-    }
-}
-
-/// Errors when the points vary along one direction at most.
-fn not_on_a_line(points: &[Point3<f64>]) -> Result<(), ReconstructError> {
-    let count = points.len() as f64;
-    let mean = points.iter().map(|p| p.coords / count).sum::<Vector3<f64>>();
-    let reach = points.iter().map(|p| (p.coords - mean).amax()).fold(0.0, f64::max);
-    // Scaled first: squares of tiny or huge coordinates leave the range of a float.
-    let offset = |p: &Point3<f64>| (p.coords - mean) / reach;
-    let covariance: Matrix3<f64> =
-        points.iter().map(offset).filter(|o| o.amax().is_finite()).map(|o| o * o.transpose() / count).sum();
-    let mut variances = SymmetricEigen::new(covariance).eigenvalues;
-    variances.as_mut_slice().sort_by(f64::total_cmp);
-    if reach <= 0.0 || !reach.is_finite() || variances[1] <= 1e-10 * variances[2] {
-        return Err(ReconstructError::Degenerate);
-    }
-    Ok(())
-}
-
 /// Distance from each point to its fourth neighbour: on a square grid of samples, its pitch.
-fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
+pub(super) fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
     let distance = |found: &mut Vec<(f64, u32)>, point| {
         grid.nearest(point, 5, found);
         found.last().map_or(0.0, |n| n.0.sqrt())
@@ -668,76 +458,6 @@ fn in_plane(sights: &[Sight], plane_from_cloud: &Isometry3<f64>) -> Vec<Sight> {
         towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
     };
     sights.iter().map(placed).collect()
-}
-
-/// A sheet without the faces that no sensor can have seen: those that look away from the one that saw the nearest sample,
-/// and those that lines of sight pass through. Both hang over where the surface folds back under itself. `None` when
-/// nothing is left, or nothing tells.
-fn without_flaps(
-    mesh: &Mesh,
-    grid: &Grid,
-    views: Option<&[Unit<Vector3<f64>>]>,
-    plane_from_cloud: &Isometry3<f64>,
-    sights: &[Sight],
-    spacing_m: f64,
-) -> Option<Mesh> {
-    let views = views?;
-    let (low, high) = mesh.bounding_box();
-    let reach = Vector3::repeat(4.0 * spacing_m);
-    let carved = Carved::about(&(low - reach), &(high + reach), spacing_m, sights)?;
-    let is_sound = |found: &mut Vec<Neighbour>, face: usize| {
-        let [a, b, c] = mesh.corners(face).map(|p| p.coords);
-        let (middle, normal) = (Point3::from((a + b + c) / 3.0), mesh.face_normal(face).into_inner());
-        grid.nearest(&middle, 1, found);
-        let view = found.first().map(|n| plane_from_cloud.rotation * views[n.1 as usize]);
-        let beside = |cells: f64| middle + normal * (cells * spacing_m);
-        let is_passed = carved.is_empty(&beside(1.5)) && carved.is_empty(&beside(-1.5));
-        view.is_none_or(|view| view.dot(&normal) > LEAST_FACING) && !is_passed
-    };
-    let sound: Vec<bool> = (0..mesh.faces().len()).into_par_iter().map_init(Vec::new, is_sound).collect();
-    let faces = mesh.faces().iter().zip(&sound).filter(|(_, sound)| **sound).map(|(face, _)| *face);
-    // Vertices that nothing uses any more go with the fragments.
-    let kept = without_fragments((mesh.vertices().to_vec(), faces.collect()), 0.0, false);
-    Mesh::new(kept.triangles.0, kept.triangles.1).ok()
-}
-
-/// Without slivers, and with no more triangles than asked for, as far as the bound on the error allows.
-fn fewer_triangles(mesh: Mesh, settings: &Settings, cell_m: f64) -> Mesh {
-    let slivers =
-        Limits { triangles: 0, tolerance_m: SLIVER_TOLERANCE * cell_m, edges_below_m: SLIVER_EDGE * cell_m };
-    let mesh = decimate(&mesh, &slivers);
-    if settings.triangles.is_none() && settings.tolerance_m.is_none() {
-        return mesh;
-    }
-    decimate(
-        &mesh,
-        &Limits {
-            triangles: settings.triangles.unwrap_or(0),
-            tolerance_m: settings.tolerance_m.unwrap_or(cell_m),
-            edges_below_m: f64::INFINITY,
-        },
-    )
-}
-
-/// Where each face comes from. Of the points of `grid` the first `seen` were measured; with a base, faces below that
-/// height that look down are the table's.
-fn provenances(mesh: &Mesh, grid: &Grid, seen: usize, radius_m: f64, base_m: Option<f64>) -> Vec<Provenance> {
-    (0..mesh.faces().len())
-        .into_par_iter()
-        .map_init(Vec::new, |found, face| {
-            let [a, b, c] = mesh.corners(face).map(|p| p.coords);
-            let middle = Point3::from((a + b + c) / 3.0);
-            if base_m.is_some_and(|base_m| middle.z < base_m) && mesh.face_normal(face).z < -0.7 {
-                return Provenance::Table;
-            }
-            grid.nearest(&middle, 1, found);
-            match found.first().filter(|n| n.0 < radius_m * radius_m) {
-                Some(n) if (n.1 as usize) < seen => Provenance::Measured,
-                Some(_) => Provenance::Mirrored,
-                None => Provenance::Extruded,
-            }
-        })
-        .collect()
 }
 
 #[cfg(test)]
