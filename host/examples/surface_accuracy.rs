@@ -1,7 +1,7 @@
 //! Accuracy of reconstructed scans of the built-in objects: distances, and the normals that fingertips find.
 //!
-//! `cargo run --release -p host --example surface_accuracy [SEEDS] [NOISE_PX] [OUTLIERS]` scans each object as `prehend demo` does
-//! (SEEDS 1 to 3, 0.15 px, a share of 0 strays by default) and prints means over the seeds:
+//! `cargo run --release -p host --example surface_accuracy [SEEDS] [NOISE_PX] [OUTLIERS] [SWEEPS_MM]` scans each
+//! object as `prehend demo` does (SEEDS 1 to 3, 0.15 px, a share of 0 strays, sweeps misplaced by 0 mm by default) and prints means over the seeds:
 //!
 //! - mesh -> truth: from points spread evenly over the faces that measured points support, mm, mean and 95 %;
 //! - truth -> mesh: from the points that the same scan sees without noise, mm, mean and 95 %;
@@ -42,7 +42,9 @@ fn main() -> anyhow::Result<()> {
     let seeds: u64 = arguments.next().map_or(Ok(3), |text| text.parse()).context("SEEDS")?;
     let stripe_noise_px = arguments.next().map_or(Ok(0.15), |text| text.parse()).context("NOISE_PX")?;
     let outlier_share = arguments.next().map_or(Ok(0.0), |text| text.parse()).context("OUTLIERS")?;
-    let instrument = Instrument { stripe_noise_px, outlier_share, ..Instrument::default() };
+    let sweeps_mm: f64 = arguments.next().map_or(Ok(0.0), |text| text.parse()).context("SWEEPS_MM")?;
+    let registration_m = 1e-3 * sweeps_mm;
+    let instrument = Instrument { stripe_noise_px, outlier_share, registration_m, ..Instrument::default() };
     println!(
         "{:12} {:>6} {:>6} {:>9} {:>13} {:>13} {:>11} {:>11} {:>15} {:>11}",
         "object",
@@ -169,7 +171,8 @@ fn scanned(truth: &Mesh, instrument: &Instrument, seed: u64) -> anyhow::Result<S
 
 /// Points spread evenly over the faces that measured points support.
 fn samples(found: &Reconstruction, seed: u64) -> Vec<Point3<f64>> {
-    let faces: Vec<usize> = (0..found.mesh.faces().len()).filter(|&face| found.measured[face]).collect();
+    let faces: Vec<usize> =
+        (0..found.mesh.faces().len()).filter(|&face| found.mesh.is_measured(face)).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     spread(&found.mesh, &faces, &mut rng).into_iter().map(|(point, _)| point).collect()
 }

@@ -117,7 +117,7 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     reconstruct_command::describe(&surface, &mut report)?;
 
     let clock = Instant::now();
-    let seen = SeenSurface::of_cloud(&scan.cloud.points, surface.report.spacing_m);
+    let seen = SeenSurface::of_mesh(&surface.mesh);
     let (scene, planned) = plan(args, &object, mesh, seen)?;
     let document = &planned.document;
     write_json_file(&file("plan.json"), document)?;
@@ -179,7 +179,12 @@ fn verdict(execution: Option<&Execution>) -> &'static str {
     execution.map_or("no-force-closure", |execution| execution.verdict.name())
 }
 
-fn plan(args: &DemoArgs, object: &Object, mesh: Mesh, seen: SeenSurface) -> anyhow::Result<(Scene, Planned)> {
+fn plan(
+    args: &DemoArgs,
+    object: &Object,
+    mesh: Mesh,
+    seen: Option<SeenSurface>,
+) -> anyhow::Result<(Scene, Planned)> {
     let search =
         Search { strategy: args.strategy, friction: args.friction, mass_kg: object.mass_kg, seed: args.seed };
     let progress = bar(args.strategy.default_attempts(), "attempts");

@@ -9,7 +9,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use crate::io::{Unit, read_mesh};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::Arm;
-use crate::surface::Mesh;
+use crate::surface::{Mesh, Pick};
 
 /// Height of the virtual cell's table in the base frame, metres.
 pub(super) const TABLE_HEIGHT_M: f64 = 0.0;
@@ -53,6 +53,18 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
 /// Six numbers separated by commas.
 pub(super) fn six(text: &str) -> Result<[f64; 6], String> {
     numbers(text).ok_or_else(|| "give six numbers separated by commas".to_owned())
+}
+
+/// Reads `--pick`: what one of several objects is called.
+pub(super) fn pick(text: &str) -> Result<Pick, String> {
+    match (text, text.parse::<usize>(), numbers(text)) {
+        ("whole", ..) => Ok(Pick::Whole),
+        ("largest", ..) => Ok(Pick::Largest),
+        ("nearest", ..) => Ok(Pick::Nearest),
+        (_, Ok(number), _) if number > 0 => Ok(Pick::Number(number - 1)),
+        (_, _, Some(at)) => Ok(Pick::At(Point3::from(at))),
+        _ => Err("give a number from 1, largest, nearest, whole, or a point X,Y,Z".to_owned()),
+    }
 }
 
 /// `N` finite numbers separated by commas.

@@ -42,7 +42,7 @@ impl Search {
     pub(super) fn run(
         &self,
         mesh: Mesh,
-        seen: SeenSurface,
+        seen: Option<SeenSurface>,
         source: &str,
         top: usize,
         progress: &dyn Fn(usize),
@@ -50,7 +50,7 @@ impl Search {
         let mut scene = Scene::new(mesh, Isometry3::identity(), Some(TABLE_HEIGHT_M), Some(Arm::rx60()))
             .context("planning on the reconstructed surface")?;
         scene.friction = self.friction;
-        scene.seen = Some(seen);
+        scene.seen = seen;
         let settings = SearchSettings {
             attempts: self.strategy.default_attempts(),
             seed: self.seed,

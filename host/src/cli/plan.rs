@@ -22,7 +22,7 @@ use crate::plan::document::PlanDocument;
 use crate::plan::scene::Scene;
 use crate::plan::search::SearchSettings;
 use crate::plan::seen::SeenSurface;
-use crate::surface::{Mesh, Settings as ReconstructSettings, Table, reconstruct};
+use crate::surface::{Mesh, Pick, Settings as ReconstructSettings, Survey, Table};
 
 /// Plan force-closure grasps on a mesh or a cloud
 #[derive(Debug, Clone, Args)]
@@ -83,6 +83,10 @@ pub struct PlanArgs {
     /// table in a cloud, else the side that an open surface faces, else +z
     #[arg(long, value_name = "X,Y,Z", value_parser = input::triple, allow_hyphen_values = true)]
     pub up: Option<[f64; 3]>,
+    /// Which of several objects on the table of a cloud: its number, largest, nearest (to the sensor), the one at X,Y,Z in
+    /// the file's frame, or whole for all of them as one body
+    #[arg(long, value_name = "N|largest|nearest|whole|X,Y,Z", default_value = "largest", value_parser = input::pick, allow_hyphen_values = true)]
+    pub pick: Pick,
     /// How many grasps to write, best first
     #[arg(long, value_name = "N", default_value_t = 10, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub top: u32,
@@ -307,7 +311,7 @@ struct Input {
     object: Object,
     /// Normal of the table that was found in a cloud, in the file's frame.
     table_normal: Option<Vector3<f64>>,
-    /// What of the surface a cloud has points of.
+    /// What of the surface was measured, where that is known.
     seen: Option<SeenSurface>,
 }
 
@@ -319,26 +323,29 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
     }
     let loaded = read_geometry(args.input.as_ref(), args.unit)?;
     input::warn(&args.input, &loaded.warnings);
-    let (mut table_normal, mut seen) = (None, None);
+    let mut table_normal = None;
     let mesh = match loaded.value {
         Geometry::Mesh(mesh) => mesh,
         Geometry::Cloud(cloud) => {
             let settings = ReconstructSettings {
                 table: Table::Auto,
                 close: true,
+                pick: args.pick,
                 seed: args.seed,
                 ..Default::default()
             };
             let waiting = spinner("surface");
-            let result =
-                reconstruct(&cloud, &settings).with_context(|| format!("reconstructing {}", args.input))?;
+            let context = || format!("reconstructing {}", args.input);
+            let survey = Survey::new(&cloud, &settings).with_context(context)?;
+            let result = survey.pick().with_context(context)?;
             waiting.finish_and_clear();
+            reconstruct_command::describe_scene(&survey, &args.pick, human)?;
             reconstruct_command::describe(&result, human)?;
             table_normal = result.report.table.map(|table| table.normal.into_inner());
-            seen = Some(SeenSurface::of_cloud(&cloud.points, result.report.spacing_m));
             result.mesh
         }
     };
+    let seen = SeenSurface::of_mesh(&mesh);
     let mass_kg = args.mass.unwrap_or_else(|| input::assumed_mass_kg(&mesh));
     Ok(Input { object: Object::new(&args.input, mesh, mass_kg, args.friction), table_normal, seen })
 }

@@ -7,7 +7,9 @@ use nalgebra::{Point3, Unit as Normalized, Vector3};
 use super::error::{Fault, Place, Problem};
 use super::format::Unit;
 use super::{Loaded, polygon, repair};
-use crate::surface::{Mesh, PointCloud};
+use crate::surface::{Mesh, PointCloud, Provenance};
+
+const PROVENANCE_IGNORED: &str = "the provenance of the faces was ignored";
 
 /// A mesh wider than this is probably in millimetres.
 const LARGEST_MESH_M: f64 = 2.0;
@@ -31,6 +33,8 @@ pub(super) struct RawMesh {
     /// Per polygon the end of its corners, and its line or number in the file.
     polygons: Vec<(u32, u32)>,
     place_of_polygon: fn(usize) -> Place,
+    /// A number for the provenance of each polygon, or nothing.
+    pub(super) provenance: Vec<f64>,
     pub(super) warnings: Vec<String>,
 }
 
@@ -51,6 +55,7 @@ impl RawMesh {
             corners: Vec::new(),
             polygons: Vec::new(),
             place_of_polygon,
+            provenance: Vec::new(),
             warnings: Vec::new(),
         }
     }
@@ -124,9 +129,20 @@ impl RawMesh {
         if dropped > 0 {
             warnings.push(format!("{dropped} faces without area were dropped"));
         }
+        if !self.provenance.is_empty() {
+            match provenances(&self.provenance).map(|all| mesh.clone().with_provenance(all)) {
+                Some(Ok(marked)) => mesh = marked,
+                // Faces were split or dropped, so that the numbers are those of others.
+                _ => warnings.push(PROVENANCE_IGNORED.to_owned()),
+            }
+        }
         mesh = closed_as_far_as_joining_helps(mesh);
         if !mesh.is_watertight() {
+            let is_marked = mesh.provenance().is_some();
             mesh = repair::repaired(mesh, &mut warnings);
+            if is_marked && mesh.provenance().is_none() {
+                warnings.push(PROVENANCE_IGNORED.to_owned());
+            }
         }
         if mesh.is_watertight() && mesh.signed_volume_m3() < 0.0 {
             mesh = mesh.flipped();
@@ -136,6 +152,12 @@ impl RawMesh {
         warnings.extend(size_warning((high - low).amax(), LARGEST_MESH_M, unit));
         Ok(Loaded { value: mesh, warnings })
     }
+}
+
+/// What the numbers mean; `None` when one of them means nothing.
+fn provenances(numbers: &[f64]) -> Option<Vec<Provenance>> {
+    let whole = |number: f64| (0..=3_u8).find(|&whole| f64::from(whole) == number);
+    numbers.iter().map(|&number| whole(number).and_then(Provenance::from_number)).collect()
 }
 
 fn used_only(
@@ -220,24 +242,34 @@ pub(super) struct RawCloud {
     pub(super) points: Vec<Point3<f64>>,
     pub(super) normals: Option<Vec<Vector3<f64>>>,
     pub(super) views: Option<Vec<Vector3<f64>>>,
+    /// Numbers of the sweeps.
+    pub(super) sweeps: Option<Vec<f64>>,
     /// Where all points were seen from, in the unit of the file. `views` goes before it.
     pub(super) viewpoint: Option<Point3<f64>>,
 }
 
 impl RawCloud {
     /// An empty cloud that has these attributes.
-    pub(super) fn with(normals: bool, views: bool) -> Self {
-        Self { normals: normals.then(Vec::new), views: views.then(Vec::new), ..Self::default() }
+    pub(super) fn with(normals: bool, views: bool, sweeps: bool) -> Self {
+        Self {
+            normals: normals.then(Vec::new),
+            views: views.then(Vec::new),
+            sweeps: sweeps.then(Vec::new),
+            ..Self::default()
+        }
     }
 
-    /// Adds a point; `values` are x y z, normal, view, of which only those that the cloud has are looked at.
-    pub(super) fn push(&mut self, values: &[f64; 9]) {
+    /// Adds a point; `values` are x y z, normal, view, sweep, of which only those that the cloud has are looked at.
+    pub(super) fn push(&mut self, values: &[f64; 10]) {
         self.points.push(Point3::new(values[0], values[1], values[2]));
         if let Some(normals) = &mut self.normals {
             normals.push(Vector3::new(values[3], values[4], values[5]));
         }
         if let Some(views) = &mut self.views {
             views.push(Vector3::new(values[6], values[7], values[8]));
+        }
+        if let Some(sweeps) = &mut self.sweeps {
+            sweeps.push(values[9]);
         }
     }
 
@@ -259,6 +291,7 @@ impl RawCloud {
             points: self.points.into_iter().map(|point| point.map(|c| unit.to_metres(c) + 0.0)).collect(),
             normals: directions(self.normals, "normals", &mut warnings),
             views: directions(self.views, "lines of sight", &mut warnings),
+            sweeps: sweep_numbers(self.sweeps, &mut warnings),
         };
         let cloud = cloud.checked().map_err(|problem| Problem::from(problem).at(Place::File))?;
         if let Some((low, high)) = cloud.bounding_box() {
@@ -276,6 +309,7 @@ impl RawCloud {
         retain(&mut self.points, kept);
         self.normals.iter_mut().for_each(|normals| retain(normals, kept));
         self.views.iter_mut().for_each(|views| retain(views, kept));
+        self.sweeps.iter_mut().for_each(|sweeps| retain(sweeps, kept));
     }
 }
 
@@ -302,6 +336,17 @@ fn directions(
         return None;
     }
     Some(units)
+}
+
+/// Numbers of sweeps; none at all when one of them is no small whole number.
+fn sweep_numbers(numbers: Option<Vec<f64>>, warnings: &mut Vec<String>) -> Option<Vec<u16>> {
+    let numbers = numbers?;
+    let whole = |&number: &f64| number.fract() == 0.0 && (0.0..=f64::from(u16::MAX)).contains(&number);
+    if !numbers.iter().all(whole) {
+        warnings.push(format!("sweeps ignored: not all are whole numbers from 0 to {}", u16::MAX));
+        return None;
+    }
+    Some(numbers.into_iter().map(|number| number as u16).collect())
 }
 
 fn size_warning(size_m: f64, largest_m: f64, unit: Unit) -> Option<String> {

@@ -248,14 +248,15 @@ fn narrowed(value: f64) -> io::Result<f32> {
 /// The columns that a cloud has, by name, and one row per point.
 fn cloud_columns(
     cloud: &PointCloud,
-    names: [&'static str; 9],
+    names: [&'static str; 10],
 ) -> (Vec<&'static str>, impl Iterator<Item = Vec<f64>>) {
-    let has = [true, cloud.normals.is_some(), cloud.views.is_some()];
+    let has = [true, cloud.normals.is_some(), cloud.views.is_some(), cloud.sweeps.is_some()];
     let columns =
         names.chunks(3).zip(has).filter(|(_, has)| *has).flat_map(|(names, _)| names.iter().copied());
     let rows = cloud.points.iter().enumerate().map(|(i, point)| {
         let attributes = [&cloud.normals, &cloud.views].into_iter().flatten().filter_map(move |a| a.get(i));
-        point.iter().copied().chain(attributes.flat_map(|v| v.iter().copied())).collect()
+        let sweep = cloud.sweeps.as_ref().and_then(|sweeps| sweeps.get(i)).map(|&sweep| f64::from(sweep));
+        point.iter().copied().chain(attributes.flat_map(|v| v.iter().copied())).chain(sweep).collect()
     });
     (columns.collect(), rows)
 }

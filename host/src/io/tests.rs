@@ -6,6 +6,7 @@ use nalgebra::{Point3, Unit as Normalized, Vector3};
 use proptest::prelude::*;
 
 use super::*;
+use crate::surface::Provenance;
 
 const MESH_FORMATS: [(MeshFormat, &str); 7] = [
     (MeshFormat::Ply, "ply"),
@@ -58,6 +59,7 @@ fn cloud(points: usize, normals: bool, views: bool) -> PointCloud {
         points: (0..points).map(|k| Point3::new(k as f64 * 1e-4, 0.1 / (k + 1) as f64, -0.02)).collect(),
         normals: normals.then(|| (0..points).map(|k| direction(k, 0.7)).collect()),
         views: views.then(|| (0..points).map(|k| direction(k, 1.3)).collect()),
+        sweeps: views.then(|| (0..points).map(|k| (k % 7) as u16).collect()),
     }
 }
 
@@ -108,6 +110,22 @@ fn meshes_come_back_from_every_format() {
 }
 
 #[test]
+fn ply_keeps_where_faces_come_from() {
+    let plain = torus(9, 5);
+    let marks = (0..plain.faces().len()).map(|face| Provenance::ALL[face * 7 % 4]).collect();
+    let mesh = plain.with_provenance(marks).unwrap();
+    for format in [MeshFormat::Ply, MeshFormat::PlyAscii] {
+        let back = read_mesh_bytes(&mesh_bytes(format, &mesh), Path::new("torus.ply"), Unit::Metre).unwrap();
+        assert_eq!((back.value, back.warnings), (mesh.clone(), vec![]), "{format:?}");
+    }
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                element face 1\nproperty list uchar int vertex_indices\nproperty uchar provenance\nend_header\n\
+                0 0 0\n0.1 0 0\n0 0.1 0\n3 0 1 2 9\n";
+    let odd = mesh_of(text, "odd.ply");
+    assert_eq!((odd.value.provenance(), odd.warnings.len()), (None, 1));
+}
+
+#[test]
 fn clouds_come_back_from_every_format_with_what_they_carry() {
     for (normals, views) in [(false, false), (true, false), (false, true), (true, true)] {
         let cloud = cloud(100, normals, views);
@@ -118,6 +136,7 @@ fn clouds_come_back_from_every_format_with_what_they_carry() {
             let back = back.value;
             assert_near(&back.points, &cloud.points, 1e-8);
             assert_eq!((back.normals.is_some(), back.views.is_some()), (normals, views), "{format:?}");
+            assert_eq!(back.sweeps, cloud.sweeps, "{format:?}");
             for (back, sent) in [(&back.normals, &cloud.normals), (&back.views, &cloud.views)] {
                 for (back, sent) in back.iter().flatten().zip(sent.iter().flatten()) {
                     assert!((back.into_inner() - sent.into_inner()).norm() < 1e-6);

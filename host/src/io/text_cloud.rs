@@ -12,11 +12,11 @@ use super::error::{Fault, Place, Problem};
 use super::text::{decoded, number};
 use crate::surface::PointCloud;
 
-const NAMES: [&str; 9] = ["x", "y", "z", "nx", "ny", "nz", "view_x", "view_y", "view_z"];
+const NAMES: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "view_x", "view_y", "view_z", "sweep"];
 
 pub(super) fn read(bytes: &[u8]) -> Result<RawCloud, Fault> {
     let text = decoded(bytes);
-    let mut columns: Option<[Option<usize>; 9]> = None;
+    let mut columns: Option<[Option<usize>; 10]> = None;
     let mut cloud = RawCloud::default();
     for (index, line) in text.lines().enumerate() {
         let line = line.trim();
@@ -36,7 +36,7 @@ pub(super) fn read(bytes: &[u8]) -> Result<RawCloud, Fault> {
             if is_names {
                 let named = named.ok_or_else(|| at_line(Problem::Missing("a column named x, y or z")))?;
                 let has = |names: std::ops::Range<usize>| named[names].iter().all(Option::is_some);
-                cloud = RawCloud::with(has(3..6), has(6..9));
+                cloud = RawCloud::with(has(3..6), has(6..9), has(9..10));
                 columns = Some(named);
                 continue;
             }
@@ -66,7 +66,7 @@ fn fields(line: &str) -> Vec<&str> {
 }
 
 /// Where each of [`NAMES`] stands; `None` unless all of x, y, z are there. A unit behind a name (`x [m]`) is cut off.
-fn named_columns(fields: &[&str]) -> Option<[Option<usize>; 9]> {
+fn named_columns(fields: &[&str]) -> Option<[Option<usize>; 10]> {
     let names: Vec<String> = fields
         .iter()
         .map(|field| field.split([' ', '[', '(']).next().unwrap_or("").to_lowercase())
@@ -76,8 +76,8 @@ fn named_columns(fields: &[&str]) -> Option<[Option<usize>; 9]> {
     columns[..3].iter().all(Option::is_some).then_some(columns)
 }
 
-fn row(fields: &[&str], columns: &[Option<usize>; 9]) -> Result<[f64; 9], Problem> {
-    let mut values = [0.0; 9];
+fn row(fields: &[&str], columns: &[Option<usize>; 10]) -> Result<[f64; 10], Problem> {
+    let mut values = [0.0; 10];
     for (value, column) in values.iter_mut().zip(columns) {
         if let Some(column) = *column {
             let (found, wanted) = (fields.len() as u64, column as u64 + 1);

@@ -4,7 +4,12 @@ use std::collections::HashSet;
 
 use nalgebra::Point3;
 
-/// The measured points behind a reconstructed surface, as the cells of a grid that hold at least one.
+use crate::surface::Mesh;
+
+/// How far from measured surface a contact still is on it: less than a fingertip is wide.
+const REACH_M: f64 = 0.0025;
+
+/// The measured part of a reconstructed surface, as the cells of a grid that hold at least one.
 #[derive(Debug, Clone)]
 pub struct SeenSurface {
     cell_m: f64,
@@ -25,10 +30,24 @@ impl SeenSurface {
         Self { cell_m, cells }
     }
 
-    /// Of a cloud whose points are `spacing_m` apart: surface within three spacings of a point was measured.
+    /// Of a surface that knows where its faces come from; `None` for another, all of which counts as measured.
     #[must_use]
-    pub fn of_cloud(points: &[Point3<f64>], spacing_m: f64) -> Self {
-        Self::new(points, 3.0 * spacing_m)
+    pub fn of_mesh(mesh: &Mesh) -> Option<Self> {
+        mesh.provenance()?;
+        let step_m = 0.5 * REACH_M;
+        let mut points = Vec::new();
+        for face in (0..mesh.faces().len()).filter(|&face| mesh.is_measured(face)) {
+            let [a, b, c] = mesh.corners(face);
+            let longest = (b - a).norm().max((c - a).norm()).max((c - b).norm());
+            let steps = (longest / step_m).ceil().clamp(1.0, 200.0) as u32;
+            for i in 0..=steps {
+                for k in 0..=steps - i {
+                    let [u, v] = [i, k].map(|n| f64::from(n) / f64::from(steps));
+                    points.push(a + (b - a) * u + (c - a) * v);
+                }
+            }
+        }
+        Some(Self::new(&points, REACH_M))
     }
 
     fn cell(point: &Point3<f64>, cell_m: f64) -> [i32; 3] {
@@ -55,6 +74,21 @@ impl SeenSurface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::surface::Provenance;
+
+    #[test]
+    fn only_measured_faces_of_a_mesh_are_seen() {
+        let corners = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1], [0.0, 0.1]].map(|[x, y]| Point3::new(x, y, 0.0));
+        let mesh = Mesh::new(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]]).unwrap();
+        assert!(SeenSurface::of_mesh(&mesh).is_none());
+        let mesh = mesh.with_provenance(vec![Provenance::Measured, Provenance::Extruded]).unwrap();
+        let seen = SeenSurface::of_mesh(&mesh).unwrap();
+        for i in 1..50 {
+            let at = f64::from(i) * 2e-3;
+            assert!(seen.is_seen(&Point3::new(at, 0.5 * at, 0.0)));
+            assert!(!seen.is_seen(&Point3::new(0.9 * (0.1 - at), 0.1, 0.0)) || at < 0.02);
+        }
+    }
 
     #[test]
     fn near_points_are_seen_and_far_ones_are_not() {

@@ -174,7 +174,7 @@ impl Capture {
                 frames_lost_to_clock: 0,
             },
         };
-        let mut views = Vec::new();
+        let (mut views, mut sweeps) = (Vec::new(), Vec::new());
         for (index, placed) in (0..).zip(&placed) {
             let Some(base_from_scanner) = self.base_from_scanner(placed.time_s + clock.applied_s()) else {
                 measured.report.frames_lost_to_clock += 1;
@@ -186,8 +186,11 @@ impl Capture {
                 views.push(base_from_scanner.rotation * Unit::new_normalize(-in_scanner.coords));
                 measured.frame_of_point.push(index);
             }
+            sweeps.extend(placed.points.iter().map(|_| u16::try_from(placed.sweep)));
         }
         measured.cloud.views = Some(views);
+        // A recording may number its sweeps as it likes; beyond what a cloud can hold they are not told apart.
+        measured.cloud.sweeps = sweeps.into_iter().collect::<Result<_, _>>().ok();
         if measured.cloud.is_empty() { Err(MeasureError::Nothing) } else { Ok(measured) }
     }
 }

@@ -221,8 +221,8 @@ mod tests {
         let before = unseen.frontier().len();
         let far = PointCloud {
             points: vec![Point3::new(5.0, 0.0, 0.1), Point3::new(f64::NAN, 0.0, 0.0)],
-            normals: None,
             views: Some(vec![Unit::new_normalize(Vector3::z()); 2]),
+            ..PointCloud::default()
         };
         unseen.add(&far);
         assert_eq!(unseen.frontier().len(), before);

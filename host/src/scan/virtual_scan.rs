@@ -83,17 +83,20 @@ pub fn scan(
         .collect();
     let count = stripes.iter().map(Vec::len).sum();
     let (mut points, mut views) = (Vec::with_capacity(count), Vec::with_capacity(count));
+    let mut sweep_of = Vec::with_capacity(count);
     let mut object_points = 0;
     for (&(sweep, pose), seen) in exposures.iter().zip(&stripes) {
         let base_from_scanner = misplaced[sweep] * pose.base_from_scanner;
         for Seen { point, body } in seen {
             points.push(base_from_scanner * point);
             views.push(base_from_scanner.rotation * Unit::new_normalize(-point.coords));
+            // An arm makes no sixty thousand sweeps; if it did, the last would count as one.
+            sweep_of.push(u16::try_from(sweep).unwrap_or(u16::MAX));
             object_points += usize::from(*body == Body::Object);
         }
     }
     Ok(Scan {
-        cloud: PointCloud { points, normals: None, views: Some(views) },
+        cloud: PointCloud { points, normals: None, views: Some(views), sweeps: Some(sweep_of) },
         object_points,
         stripes: exposures.len(),
         duration_s: sweeps.iter().map(Sweep::duration_s).sum(),

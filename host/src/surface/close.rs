@@ -1,15 +1,17 @@
 //! Completion of the unseen: from the distances near the samples to a solid that stands on the table.
 //!
 //! Every node of the object's box is decided: measured distances stay as they are; a node on some line of sight is
-//! empty; any other node below measured surface belongs to the body. This is free-space carving plus extrusion to the
+//! empty; any other node below measured surface belongs to the body. What symmetry guesses counts as measured where no line of
+//! sight contradicts it. This is free-space carving plus extrusion to the
 //! table, here in the field and not on the mesh, so that the result is closed whatever holes the scan left.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
-use nalgebra::{Point3, Unit, Vector3};
+use nalgebra::Point3;
 use rayon::prelude::*;
 
-use super::distance::{Field, STRIDE, pack, unpack};
+use super::{
+    carve::{Carved, Sight},
+    distance::{Field, STRIDE, pack, unpack},
+};
 
 /// Most nodes of the box, 9 bytes each.
 const MOST_NODES: usize = 40_000_000;
@@ -18,26 +20,27 @@ const PADDING: u64 = 2;
 /// Passes of smoothing over what was not measured, which otherwise shows the lattice's steps.
 const SMOOTHING: usize = 8;
 
-/// A seen point and the direction to the sensor: all between them is empty.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Sight {
-    pub(super) point: Point3<f64>,
-    pub(super) towards_sensor: Unit<Vector3<f64>>,
-}
-
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Knowledge {
     Unseen,
     Empty,
+    /// A surface that symmetry tells of.
+    Guessed,
     Measured,
 }
 
 /// The field of the closed body, on the nodes about its surface. `measured` is in a frame in which the table is z = 0,
-/// on a lattice whose table lies halfway between two layers of nodes. `None` when the box has too many nodes, or when
-/// nothing of the field lies above the table.
-pub(super) fn solid_on_table(measured: &Field, sights: &[Sight]) -> Option<Field> {
-    let mut volume = Volume::new(measured)?;
-    volume.carve(sights);
+/// on a lattice whose table lies halfway between two layers of nodes; `is_guess` says where symmetry stands in for
+/// measurement, and `guess` what it tells of empty space. `None` when the box has too many nodes, or when nothing of the
+/// field lies above the table.
+pub(super) fn solid_on_table(
+    measured: &Field,
+    sights: &[Sight],
+    guess: &[Sight],
+    is_guess: &(dyn Fn(&Point3<f64>) -> bool + Sync),
+) -> Option<Field> {
+    let mut volume = Volume::new(measured, is_guess)?;
+    volume.carve(sights, guess);
     volume.extrude();
     volume.smooth();
     volume.stand_on_table();
@@ -56,7 +59,7 @@ struct Volume<'a> {
 }
 
 impl<'a> Volume<'a> {
-    fn new(measured: &'a Field) -> Option<Self> {
+    fn new(measured: &'a Field, is_guess: &(dyn Fn(&Point3<f64>) -> bool + Sync)) -> Option<Self> {
         let lattice = &measured.lattice;
         let floor = (-0.5 - lattice.low.z / lattice.cell_m).round() as u64;
         let nodes = || measured.keys.iter().map(|&key| unpack(key)).filter(|node| node[2] > floor);
@@ -73,11 +76,13 @@ impl<'a> Volume<'a> {
         let far_m = 1.5 * lattice.cell_m;
         let known = vec![Knowledge::Unseen; count];
         let mut volume = Self { measured, low, dims, known, values: vec![far_m; count], far_m };
-        for (&key, &value) in measured.keys.iter().zip(&measured.values) {
+        let guessed: Vec<bool> =
+            measured.keys.par_iter().map(|&key| is_guess(&lattice.position(key))).collect();
+        for ((&key, &value), guessed) in measured.keys.iter().zip(&measured.values).zip(guessed) {
             let node = unpack(key);
             if node[2] > floor {
                 let index = volume.index([0, 1, 2].map(|a| (node[a] - low[a]) as usize));
-                volume.known[index] = Knowledge::Measured;
+                volume.known[index] = if guessed { Knowledge::Guessed } else { Knowledge::Measured };
                 volume.values[index] = value.clamp(-far_m, far_m);
             }
         }
@@ -88,38 +93,25 @@ impl<'a> Volume<'a> {
         i + self.dims[0] * (j + self.dims[1] * k)
     }
 
-    /// Walks from each seen point towards its sensor, and marks what is passed as empty.
-    fn carve(&mut self, sights: &[Sight]) {
-        let cell = self.measured.lattice.cell_m;
+    /// Marks what lines of sight pass as empty. Those of `guess` say nothing against a surface.
+    fn carve(&mut self, sights: &[Sight], guess: &[Sight]) {
+        let cell_m = self.measured.lattice.cell_m;
         let low = self.measured.lattice.position(pack(self.low));
-        let top = Vector3::from(self.dims.map(|d| (d - 1) as f64));
-        // Marks only ever go from false to true, so that the order of threads does not show.
-        let passed: Vec<AtomicBool> = self.known.iter().map(|_| AtomicBool::new(false)).collect();
-        sights.par_iter().for_each(|sight| {
-            let from = (sight.point - low) / cell;
-            let step = sight.towards_sensor.into_inner();
-            // Part of the line within the box, in cells; near its point noise would let it cut into the body.
-            let (mut start, mut end) = (2.0_f64, f64::INFINITY);
-            for axis in 0..3 {
-                let (a, b) = (-from[axis] / step[axis], (top[axis] - from[axis]) / step[axis]);
-                if a.is_nan() || b.is_nan() {
-                    continue;
-                }
-                start = start.max(a.min(b));
-                end = end.min(a.max(b));
+        let seen = Carved::new(low, cell_m, self.dims, sights);
+        for (i, _) in seen.passed().iter().enumerate().filter(|(_, passed)| **passed) {
+            // Lines of sight are rounded to nodes: those that pass just over a measured surface mark nodes nearly a cell
+            // under it, but none deeper.
+            if self.known[i] != Knowledge::Measured || self.values[i] < -cell_m {
+                (self.known[i], self.values[i]) = (Knowledge::Empty, self.far_m);
             }
-            if end.is_infinite() || end < start {
-                return;
-            }
-            for i in 0..=((end - start) / 0.7) as usize {
-                let at = from + step * (start + 0.7 * i as f64);
-                let node = [0, 1, 2].map(|a| (at[a].round() as usize).min(self.dims[a] - 1));
-                passed[self.index(node)].store(true, Ordering::Relaxed);
-            }
-        });
-        for (known, passed) in self.known.iter_mut().zip(passed) {
-            if passed.into_inner() && *known == Knowledge::Unseen {
-                *known = Knowledge::Empty;
+        }
+        if guess.is_empty() {
+            return;
+        }
+        let guessed = Carved::new(low, cell_m, self.dims, guess);
+        for (i, _) in guessed.passed().iter().enumerate().filter(|(_, passed)| **passed) {
+            if self.known[i] == Knowledge::Unseen {
+                self.known[i] = Knowledge::Empty;
             }
         }
     }
@@ -132,7 +124,7 @@ impl<'a> Volume<'a> {
             for k in (1..self.dims[2]).rev() {
                 let index = column + k * layer;
                 match self.known[index] {
-                    Knowledge::Measured => inside = self.values[index] < 0.0,
+                    Knowledge::Measured | Knowledge::Guessed => inside = self.values[index] < 0.0,
                     Knowledge::Empty => inside = false,
                     Knowledge::Unseen if inside => self.values[index] = -self.far_m,
                     Knowledge::Unseen => {}
@@ -162,8 +154,9 @@ impl<'a> Volume<'a> {
             .into_par_iter()
             .map(|i| interior(i) && (near[i] || strides.iter().any(|s| near[i - s] || near[i + s])))
             .collect();
-        let moving: Vec<usize> =
-            (0..near.len()).filter(|&i| near[i] && self.known[i] != Knowledge::Measured).collect();
+        let moving: Vec<usize> = (0..near.len())
+            .filter(|&i| near[i] && matches!(self.known[i], Knowledge::Unseen | Knowledge::Empty))
+            .collect();
         let nearest_outside = 0.1 * self.measured.lattice.cell_m;
         for _ in 0..SMOOTHING {
             let next: Vec<f64> = moving

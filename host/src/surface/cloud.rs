@@ -26,7 +26,7 @@ pub enum CloudError {
 
 /// Unorganised points, metres, in one frame (the robot base for a scan, the file's own for an imported cloud).
 ///
-/// `normals` and `views` are both optional and as long as `points`.
+/// `normals`, `views` and `sweeps` are optional and as long as `points`.
 #[derive(Debug, Clone, PartialEq, Default)]
 pub struct PointCloud {
     /// Positions, metres.
@@ -36,22 +36,28 @@ pub struct PointCloud {
     /// Lines of sight: unit vectors from each point **towards** the sensor that saw it. The surface there faces the
     /// sensor, so these orient normals without any guess.
     pub views: Option<Vec<Unit<Vector3<f64>>>>,
+    /// Number of the sweep that each point was seen in: points of one sweep share the errors of the arm and of the
+    /// hand-eye calibration, so that sweeps can be registered to each other as rigid bodies.
+    pub sweeps: Option<Vec<u16>>,
 }
 
 impl PointCloud {
     /// A cloud with positions only. Errors when a coordinate is not finite.
     pub fn from_points(points: Vec<Point3<f64>>) -> Result<Self, CloudError> {
-        Self { points, normals: None, views: None }.checked()
+        Self { points, ..Self::default() }.checked()
     }
 
     /// Checks lengths and finiteness.
     pub fn checked(self) -> Result<Self, CloudError> {
         let points = self.points.len();
-        for (attribute, array) in [("normals", &self.normals), ("views", &self.views)] {
-            if let Some(array) = array
-                && array.len() != points
-            {
-                return Err(CloudError::Length { attribute, found: array.len(), points });
+        let lengths = [
+            ("normals", self.normals.as_ref().map(Vec::len)),
+            ("views", self.views.as_ref().map(Vec::len)),
+            ("sweeps", self.sweeps.as_ref().map(Vec::len)),
+        ];
+        for (attribute, length) in lengths {
+            if let Some(found) = length.filter(|&found| found != points) {
+                return Err(CloudError::Length { attribute, found, points });
             }
         }
         match self.points.iter().position(|p| !p.coords.iter().all(|c| c.is_finite())) {
@@ -90,6 +96,7 @@ impl PointCloud {
             points: kept.iter().map(|&i| self.points[i]).collect(),
             normals: pick(&self.normals),
             views: pick(&self.views),
+            sweeps: self.sweeps.as_ref().map(|sweeps| kept.iter().map(|&i| sweeps[i]).collect()),
         }
     }
 
@@ -103,6 +110,7 @@ impl PointCloud {
             points: self.points.iter().map(|p| a_from_b * p).collect(),
             normals: turn(&self.normals),
             views: turn(&self.views),
+            sweeps: self.sweeps.clone(),
         }
     }
 }

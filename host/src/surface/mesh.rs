@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use thiserror::Error;
 
-use super::cloud::bounding_box;
+use super::{cloud::bounding_box, provenance::Provenance};
 
 /// Why arrays of vertices and faces are not a mesh.
 #[derive(Debug, Clone, PartialEq, Error)]
@@ -32,6 +32,14 @@ pub enum MeshError {
     /// More vertices than a 32-bit index can name.
     #[error("{0} vertices are more than a 32-bit index can name")]
     TooManyVertices(usize),
+    /// The provenance is not one for each face.
+    #[error("{found} provenances for {faces} faces")]
+    Provenance {
+        /// How many were given.
+        found: usize,
+        /// Number of faces.
+        faces: usize,
+    },
 }
 
 /// A triangle mesh, metres. Corners run counter-clockwise seen from outside, so [`Mesh::face_normal`] points out of
@@ -40,6 +48,8 @@ pub enum MeshError {
 pub struct Mesh {
     vertices: Vec<Point3<f64>>,
     faces: Vec<[u32; 3]>,
+    /// One for each face, where it is known.
+    provenance: Option<Vec<Provenance>>,
 }
 
 /// Mass properties of the body that a mesh bounds, for unit density.
@@ -72,7 +82,34 @@ impl Mesh {
         if faces.is_empty() {
             return Err(MeshError::Empty);
         }
-        Ok(Self { vertices, faces })
+        Ok(Self { vertices, faces, provenance: None })
+    }
+
+    /// The mesh with a provenance for each of its faces.
+    pub fn with_provenance(self, provenance: Vec<Provenance>) -> Result<Self, MeshError> {
+        if provenance.len() != self.faces.len() {
+            return Err(MeshError::Provenance { found: provenance.len(), faces: self.faces.len() });
+        }
+        Ok(Self { provenance: Some(provenance), ..self })
+    }
+
+    /// Where each face comes from; `None` when nobody said, as of a mesh that was no scan.
+    #[must_use]
+    pub fn provenance(&self) -> Option<&[Provenance]> {
+        self.provenance.as_deref()
+    }
+
+    /// Whether a face was measured, or nobody said that it was not.
+    #[must_use]
+    pub fn is_measured(&self, face: usize) -> bool {
+        self.provenance.as_ref().is_none_or(|all| all.get(face) == Some(&Provenance::Measured))
+    }
+
+    /// Area of the faces of a provenance, m^2; 0 when none is known.
+    #[must_use]
+    pub fn area_of_m2(&self, provenance: Provenance) -> f64 {
+        let of = self.provenance.iter().flatten().enumerate().filter(|(_, found)| **found == provenance);
+        of.map(|(f, _)| 0.5 * double_area_vector(&self.corners(f)).norm()).sum()
     }
 
     /// Vertices, metres.
@@ -201,22 +238,19 @@ impl Mesh {
     /// The same mesh in frame `a`, where `self` is in frame `b`.
     #[must_use]
     pub fn transformed(&self, a_from_b: &Isometry3<f64>) -> Self {
-        Self { vertices: self.vertices.iter().map(|p| a_from_b * p).collect(), faces: self.faces.clone() }
+        Self { vertices: self.vertices.iter().map(|p| a_from_b * p).collect(), ..self.clone() }
     }
 
     /// The mesh with every coordinate multiplied by `factor` (> 0), as for a change of unit.
     #[must_use]
     pub fn scaled(&self, factor: f64) -> Self {
-        Self { vertices: self.vertices.iter().map(|p| p * factor).collect(), faces: self.faces.clone() }
+        Self { vertices: self.vertices.iter().map(|p| p * factor).collect(), ..self.clone() }
     }
 
     /// The mesh turned inside out.
     #[must_use]
     pub fn flipped(&self) -> Self {
-        Self {
-            vertices: self.vertices.clone(),
-            faces: self.faces.iter().map(|&[a, b, c]| [a, c, b]).collect(),
-        }
+        Self { faces: self.faces.iter().map(|&[a, b, c]| [a, c, b]).collect(), ..self.clone() }
     }
 }
 

@@ -2,24 +2,29 @@
 
 use std::time::Instant;
 
-use nalgebra::{Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+use nalgebra::{Isometry3, Point3, Unit, Vector3};
 use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{
-    close::{Sight, solid_on_table},
+    carve::Sight,
+    close::solid_on_table,
     cloud::{CloudError, PointCloud},
     contour::contour,
     distance::{Field, Lattice, Planes, Support, signed_distance},
+    finish::{fewer_triangles, provenances, without_flaps},
     fragments::without_fragments,
     grid::Grid,
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
-    outlier::{inliers, median, quantile},
+    outlier::{median, quantile},
+    register::Registration,
+    scene::Pick,
     sharpen::sharp_contour,
-    table::{Plane, TableTop, find_table},
+    survey::{Cleaned, Survey},
+    symmetry::{Guess, guess},
+    table::Plane,
     tangent::{Tangent, Tangents, tangents},
-    thin::{Thinned, thin},
 };
 
 /// Fewest points that make a surface.
@@ -55,14 +60,26 @@ pub struct Settings {
     pub crop: Option<(Point3<f64>, Point3<f64>)>,
     /// Where the table is.
     pub table: Table,
-    /// Points lower than this over the table belong to the table; by default the greater of 1 mm and the spacing.
+    /// Points lower than this over the table belong to the table; by default the greatest of 1 mm, the spacing, and
+    /// somewhat more than what a table that was found scatters to below its plane.
     pub table_margin_m: Option<f64>,
     /// Complete the unseen to a closed body.
     pub close: bool,
+    /// Let what was seen tell by symmetry about what was not, where the scan does not contradict it.
+    pub symmetry: bool,
+    /// Which of several objects on the table to take; [`reconstruct`] takes all as one body, see [`Survey`].
+    pub pick: Pick,
+    /// Move the sweeps of the scan onto each other first, where the cloud knows its sweeps.
+    pub register: bool,
     /// Remove stray points first.
     pub outliers: bool,
     /// Connected parts with less than this share of the largest one's area are dropped.
     pub smallest_part: f64,
+    /// Most triangles of the mesh, as far as `tolerance_m` allows.
+    pub triangles: Option<usize>,
+    /// How far the surface may move for the sake of fewer triangles; by default, when `triangles` is given, one cell.
+    /// Without either, only slivers go.
+    pub tolerance_m: Option<f64>,
     /// Seed of the search for the table.
     pub seed: u64,
 }
@@ -78,8 +95,13 @@ impl Default for Settings {
             table: Table::None,
             table_margin_m: None,
             close: false,
+            symmetry: true,
+            pick: Pick::Whole,
+            register: true,
             outliers: true,
             smallest_part: 0.02,
+            triangles: None,
+            tolerance_m: None,
             seed: 0,
         }
     }
@@ -138,6 +160,8 @@ pub struct Report {
     pub cell_m: f64,
     /// The table, given or found, in the cloud's frame.
     pub table: Option<Plane>,
+    /// How the sweeps were moved onto each other.
+    pub registration: Registration,
     /// How the mesh was closed.
     pub closing: Closing,
     /// Triangles of the mesh.
@@ -157,10 +181,9 @@ pub struct Report {
 /// A surface and how it came about.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
-    /// The surface in the cloud's frame.
+    /// The surface in the cloud's frame. Its [`Mesh::provenance`] says which faces measured points support; the others
+    /// are completion, and a guess.
     pub mesh: Mesh,
-    /// For each face whether measured points support it; the others are completion, and a guess.
-    pub measured: Vec<bool>,
     /// What was done.
     pub report: Report,
 }
@@ -208,6 +231,14 @@ pub enum ReconstructError {
         /// Longest side of the cloud.
         extent_m: f64,
     },
+    /// There is no object of that number.
+    #[error("there is no object {} among the {objects} on the table", number + 1)]
+    NoSuchObject {
+        /// Its number, from 0.
+        number: usize,
+        /// How many there are.
+        objects: usize,
+    },
     /// Nothing could be contoured.
     #[error("the points support no surface: {0}")]
     NoSurface(#[from] MeshError),
@@ -218,11 +249,21 @@ pub enum ReconstructError {
 /// Orientation comes from the cloud's lines of sight, else from its normals, else from propagation. The result does
 /// not depend on the number of threads.
 pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruction, ReconstructError> {
-    check_settings(settings)?;
-    let mut seconds = StageSeconds::default();
-    let mut clock = Clock(Instant::now());
-    let Cleaned { object, sights, table } = clean(cloud, settings)?;
-    seconds.clean_s = clock.lap();
+    let survey = Survey::new(cloud, settings)?;
+    survey.whole()
+}
+
+/// The surface of one object of a cloud that was made ready in `clean_s` seconds.
+pub(super) fn surface_of(
+    object: &PointCloud,
+    sights: &[Sight],
+    cleaned: &Cleaned,
+    settings: &Settings,
+    clean_s: f64,
+) -> Result<Reconstruction, ReconstructError> {
+    let mut seconds = StageSeconds { clean_s, ..StageSeconds::default() };
+    let mut clock = Clock::start();
+    let table = cleaned.table.as_ref().map(|table| table.plane);
 
     let grid = Grid::for_surface(&object.points);
     let fourth = fourth_neighbour(&object.points, &grid);
@@ -232,7 +273,7 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let Tangents { planes, shows_edges } = tangents(&object.points, &grid, settings.neighbours, radius);
     let fitted = object.filtered(|i, _| planes[i].is_some());
     let mut planes: Vec<Tangent> = planes.into_iter().flatten().collect();
-    enough(cloud, planes.len(), "fitting tangent planes")?;
+    enough(cleaned.given, planes.len(), "fitting tangent planes")?;
     seconds.tangents_s = clock.lap();
 
     let up = table.map_or_else(Vector3::z, |table| table.normal.into_inner());
@@ -251,7 +292,6 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let support =
         Support { radius_m: 1.25 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
     let planes = Planes { tangents: &planes, grid: &grid, support, shows_edges };
-    let drawn = |field: &Field| if shows_edges { sharp_contour(field, &planes) } else { contour(field) };
     let field = signed_distance(&planes, lattice);
     seconds.distance_s = clock.lap();
 
@@ -264,16 +304,31 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     let is_open = settings.close && plain.as_ref().is_some_and(|(mesh, _)| !mesh.is_watertight());
     seconds.contour_s = clock.lap();
 
+    let seen_planes = planes.tangents.len();
+    let all: Vec<Tangent>;
+    let mut all_grid = None;
     let mut closed = None;
     if is_open {
-        let sights: Vec<Sight> = sights
-            .iter()
-            .map(|sight| Sight {
-                point: plane_from_cloud * sight.point,
-                towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
-            })
-            .collect();
-        closed = solid_on_table(&field, &sights).and_then(|solid| part(drawn(&solid), true).ok());
+        let sights = in_plane(sights, &plane_from_cloud);
+        let found =
+            if settings.symmetry { guess(planes.tangents, &sights, spacing) } else { Guess::default() };
+        all = [planes.tangents, &found.planes].concat();
+        let origins: Vec<Point3<f64>> = all.iter().map(|plane| plane.origin).collect();
+        let grid = all_grid.insert(Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m)));
+        let planes = Planes { tangents: &all, grid, ..planes };
+        let is_guess = |node: &Point3<f64>| {
+            let mut near = Vec::new();
+            planes.grid.nearest(node, 1, &mut near);
+            near.first().is_some_and(|n| n.1 as usize >= seen_planes)
+        };
+        let drawn = |field: &Field| if shows_edges { sharp_contour(field, &planes) } else { contour(field) };
+        let solid = if found.planes.is_empty() {
+            solid_on_table(&field, &sights, &found.sights, &|_| false)
+        } else {
+            let lattice = lattice_above_table(&origins, cell_m)?;
+            solid_on_table(&signed_distance(&planes, lattice), &sights, &found.sights, &is_guess)
+        };
+        closed = solid.and_then(|solid| part(drawn(&solid), true).ok());
     }
     let closing = match (settings.close, is_open, &closed) {
         (false, ..) => Closing::NotAsked,
@@ -288,17 +343,28 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
         (None, Some(plain)) if !shows_edges => plain,
         (None, _) => part(sharp_contour(&field, &planes), false)?,
     };
-    let measured = supported_faces(&mesh, &grid, support.radius_m);
+    let mesh = if mesh.is_watertight() {
+        mesh
+    } else {
+        let sights = in_plane(sights, &plane_from_cloud);
+        without_flaps(&mesh, &grid, fitted.views.as_deref(), &plane_from_cloud, &sights, spacing)
+            .unwrap_or(mesh)
+    };
+    let origins_grid = all_grid.as_ref().unwrap_or(&grid);
+    let base = (closing == Closing::OnTable || closing == Closing::OnAssumedPlane).then_some(0.6 * cell_m);
+    let provenance = provenances(&mesh, origins_grid, seen_planes, support.radius_m, base);
+    let mesh = fewer_triangles(mesh.with_provenance(provenance)?, settings, cell_m);
     let mesh = mesh.transformed(&plane_from_cloud.inverse());
     let open_edges = mesh.open_edges();
     let components = mesh.components();
     seconds.contour_s += clock.lap();
     let report = Report {
-        points: cloud.len(),
+        points: cleaned.given,
         used: origins.len(),
         spacing_m: spacing,
         cell_m,
         table,
+        registration: cleaned.registration.clone(),
         closing,
         triangles: mesh.faces().len(),
         watertight: open_edges == 0,
@@ -307,25 +373,30 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
         dropped_parts,
         seconds,
     };
-    Ok(Reconstruction { mesh, measured, report })
+    Ok(Reconstruction { mesh, report })
 }
 
-struct Clock(Instant);
+pub(super) struct Clock(Instant);
 
 impl Clock {
-    fn lap(&mut self) -> f64 {
+    pub(super) fn start() -> Self {
+        Self(Instant::now())
+    }
+
+    pub(super) fn lap(&mut self) -> f64 {
         let now = Instant::now();
         let lap = now - std::mem::replace(&mut self.0, now);
         lap.as_secs_f64()
     }
 }
 
-fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
+pub(super) fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
     let positive = [
         ("cell_m", settings.cell_m),
         ("voxel_m", settings.voxel_m),
         ("radius_m", settings.radius_m),
         ("table_margin_m", settings.table_margin_m),
+        ("tolerance_m", settings.tolerance_m),
         ("neighbours", Some(settings.neighbours.saturating_sub(2) as f64)),
     ];
     for (name, value) in positive {
@@ -338,78 +409,15 @@ fn check_settings(settings: &Settings) -> Result<(), ReconstructError> {
     Ok(())
 }
 
-fn enough(cloud: &PointCloud, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
+pub(super) fn enough(given: usize, left: usize, stage: &'static str) -> Result<(), ReconstructError> {
     if left < FEWEST_POINTS {
-        return Err(ReconstructError::TooFew { given: cloud.len(), left, stage });
-    }
-    Ok(())
-}
-
-/// The object's points, what all points tell about empty space, and the table.
-struct Cleaned {
-    object: PointCloud,
-    sights: Vec<Sight>,
-    table: Option<Plane>,
-}
-
-fn clean(cloud: &PointCloud, settings: &Settings) -> Result<Cleaned, ReconstructError> {
-    let mut scene = cloud.clone().checked()?;
-    enough(cloud, scene.len(), "reading")?;
-    if let Some((low, high)) = settings.crop {
-        scene = scene.filtered(|_, p| (0..3).all(|a| p[a] >= low[a] && p[a] <= high[a]));
-        enough(cloud, scene.len(), "cropping")?;
-    }
-    not_on_a_line(&scene.points)?;
-    let extent = scene.bounding_box().map_or(0.0, |(low, high)| (high - low).max());
-    let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
-    let Thinned { cloud: thinned, voxel_of } = thin(&scene, voxel_m);
-    let spacing = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
-    let table = match settings.table {
-        Table::None => None,
-        Table::Auto => find_table(&thinned, spacing.max(0.002 * extent), settings.seed),
-        Table::Plane(plane) => Some(TableTop::endless(plane)),
-    };
-    let margin = settings.table_margin_m.unwrap_or_else(|| spacing.max(0.001));
-    let carried = |p: &Point3<f64>| table.is_none_or(|table| table.carries(p, margin));
-    let on_table = |p: &Point3<f64>| table.is_some_and(|table| table.plane.height(p).abs() <= margin);
-    let above: Vec<u32> =
-        (0..thinned.len() as u32).filter(|&i| carried(&thinned.points[i as usize])).collect();
-    enough(cloud, above.len(), "removing the table")?;
-    let mut keep = vec![false; thinned.len()];
-    let points: Vec<Point3<f64>> = above.iter().map(|&i| thinned.points[i as usize]).collect();
-    let belongs = if settings.outliers { inliers(&points, 6.0) } else { vec![true; points.len()] };
-    above.iter().zip(belongs).for_each(|(&i, belongs)| keep[i as usize] = belongs);
-    let object = thinned.filtered(|i, _| keep[i]);
-    enough(cloud, object.len(), "removing outliers")?;
-    not_on_a_line(&object.points)?;
-    // The mean of several lines of sight is none, so they come from the dense cloud; a stray point's is no evidence.
-    let sights = scene.views.iter().flatten().zip(&scene.points).zip(&voxel_of);
-    let sights = sights
-        .filter(|((_, point), voxel)| keep[**voxel as usize] || on_table(point))
-        .map(|((&towards_sensor, &point), _)| Sight { point, towards_sensor })
-        .collect();
-    Ok(Cleaned { object, sights, table: table.map(|table| table.plane) })
-}
-
-/// Errors when the points vary along one direction at most.
-fn not_on_a_line(points: &[Point3<f64>]) -> Result<(), ReconstructError> {
-    let count = points.len() as f64;
-    let mean = points.iter().map(|p| p.coords / count).sum::<Vector3<f64>>();
-    let reach = points.iter().map(|p| (p.coords - mean).amax()).fold(0.0, f64::max);
-    // Scaled first: squares of tiny or huge coordinates leave the range of a float.
-    let offset = |p: &Point3<f64>| (p.coords - mean) / reach;
-    let covariance: Matrix3<f64> =
-        points.iter().map(offset).filter(|o| o.amax().is_finite()).map(|o| o * o.transpose() / count).sum();
-    let mut variances = SymmetricEigen::new(covariance).eigenvalues;
-    variances.as_mut_slice().sort_by(f64::total_cmp);
-    if reach <= 0.0 || !reach.is_finite() || variances[1] <= 1e-10 * variances[2] {
-        return Err(ReconstructError::Degenerate);
+        return Err(ReconstructError::TooFew { given, left, stage });
     }
     Ok(())
 }
 
 /// Distance from each point to its fourth neighbour: on a square grid of samples, its pitch.
-fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
+pub(super) fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
     let distance = |found: &mut Vec<(f64, u32)>, point| {
         grid.nearest(point, 5, found);
         found.last().map_or(0.0, |n| n.0.sqrt())
@@ -444,15 +452,12 @@ fn lattice_above_table(points: &[Point3<f64>], cell_m: f64) -> Result<Lattice, R
     Ok(Lattice { low, cell_m })
 }
 
-fn supported_faces(mesh: &Mesh, grid: &Grid, radius_m: f64) -> Vec<bool> {
-    (0..mesh.faces().len())
-        .into_par_iter()
-        .map_init(Vec::new, |found, face| {
-            let [a, b, c] = mesh.corners(face).map(|p| p.coords);
-            grid.nearest(&Point3::from((a + b + c) / 3.0), 1, found);
-            found.first().is_some_and(|n| n.0 < radius_m * radius_m)
-        })
-        .collect()
+fn in_plane(sights: &[Sight], plane_from_cloud: &Isometry3<f64>) -> Vec<Sight> {
+    let placed = |sight: &Sight| Sight {
+        point: plane_from_cloud * sight.point,
+        towards_sensor: plane_from_cloud.rotation * sight.towards_sensor,
+    };
+    sights.iter().map(placed).collect()
 }
 
 #[cfg(test)]

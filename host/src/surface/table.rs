@@ -4,7 +4,11 @@ use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Translation3, Unit, U
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::{cloud::PointCloud, outlier::quantile};
+use super::{
+    cloud::{PointCloud, bounding_box},
+    outlier::quantile,
+    scene::clusters,
+};
 
 /// A plane `normal . p = offset_m`; of a table, the normal points to the side that objects stand on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -37,6 +41,10 @@ impl Plane {
     }
 }
 
+/// Least size of a scene in which the largest plane may be a wall's or a floor's.
+const LEAST_ROOM_M: f64 = 0.5;
+/// Planes that are tried, and attempts at each.
+const PLANES: usize = 4;
 const ATTEMPTS: usize = 400;
 /// Points that score an attempt.
 const SCORED: usize = 2000;
@@ -49,27 +57,52 @@ const FEWEST_ABOVE: usize = 10;
 /// Share of the outline's sides by which it shrinks before the rest is judged: the walls of a box stand on its rim.
 const RIM: f64 = 0.1;
 
+/// Cells across the longer side of the rectangle about the table, by which its surface is told from what else lies in
+/// its plane.
+const CELLS: f64 = 100.0;
+/// Least size of a patch of the plane that counts as table, as a share of the largest one's.
+const LEAST_PATCH: f64 = 0.1;
+/// By how much the table's outline is widened about its middle: an object at the rim hides the table behind it.
+const WIDENED: f64 = 1.1;
+/// Points that lie farther under the plane than this many tolerances are not the table's.
+const DEEPEST: f64 = 8.0;
+/// Share of the points under the plane that [`TableTop::scatter_m`] covers.
+const COVERED: f64 = 0.98;
+
 /// A table and its extent.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct TableTop {
     /// The table's plane, normal to the objects' side.
     pub plane: Plane,
-    /// Corners of the rectangle about the points on the table, x and y of [`Plane::plane_from_cloud`], metres.
-    pub outline: [[f64; 2]; 2],
+    /// Corners of the convex polygon about the table, x and y of [`Plane::plane_from_cloud`], metres,
+    /// counter-clockwise; `None` for a table without edges.
+    pub outline: Option<Vec<[f64; 2]>>,
+    /// How far its points scatter to below the plane, metres: nothing else is there, so this is noise, and what is bent.
+    pub scatter_m: f64,
 }
 
 impl TableTop {
     /// A table without edges.
     #[must_use]
     pub const fn endless(plane: Plane) -> Self {
-        Self { plane, outline: [[f64::NEG_INFINITY; 2], [f64::INFINITY; 2]] }
+        Self { plane, outline: None, scatter_m: 0.0 }
     }
 
     /// Whether a point lies above the table by more than `margin_m`, and not beside it as a far wall does.
     #[must_use]
     pub fn carries(&self, point: &Point3<f64>, margin_m: f64) -> bool {
         let point = self.plane.plane_from_cloud() * point;
-        point.z > margin_m && within(&self.outline, &point)
+        point.z > margin_m && self.is_over(&point)
+    }
+
+    /// Whether a point (frame of [`Plane::plane_from_cloud`]) lies over or under the table.
+    fn is_over(&self, point: &Point3<f64>) -> bool {
+        self.outline.as_ref().is_none_or(|corners| {
+            (0..corners.len()).all(|i| {
+                let (a, b) = (corners[i], corners[(i + 1) % corners.len()]);
+                (b[0] - a[0]) * (point.y - a[1]) >= (b[1] - a[1]) * (point.x - a[0])
+            })
+        })
     }
 
     /// Whether nine tenths of what the table carries spread less along both its sides than nine tenths of it do.
@@ -78,7 +111,7 @@ impl TableTop {
         let (rest, on): (Vec<Point3<f64>>, Vec<Point3<f64>>) = points
             .iter()
             .map(|p| turn * p)
-            .filter(|p| p.z > -2.0 * tolerance_m && within(&self.outline, p))
+            .filter(|p| p.z > -2.0 * tolerance_m && self.is_over(p))
             .partition(|p| p.z > 2.0 * tolerance_m);
         let spread = |points: &[Point3<f64>], axis: usize| {
             let value = |share: f64| quantile(points.iter().map(|p| p[axis]).collect(), share);
@@ -92,8 +125,8 @@ fn within([low, high]: &[[f64; 2]; 2], point: &Point3<f64>) -> bool {
     (0..2).all(|axis| (low[axis]..=high[axis]).contains(&point[axis]))
 }
 
-/// Looks for the table: the plane with the most points within `tolerance_m` (RANSAC, then least squares), if it is a
-/// table at all.
+/// Looks for the table: the plane with the most points within `tolerance_m` (RANSAC, then least squares), of the largest
+/// few, that is a table at all.
 ///
 /// A side of a box, too, is a plane with many points. On a table something stands, on the side that the sensor saw,
 /// and nothing is seen below it. Only what lies within the plane's outline counts: a room goes on beside the table.
@@ -104,9 +137,37 @@ pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Tab
         return None;
     }
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    // A wall or a floor may have more points than the table: what lies in a plane that is none is left out.
+    let mut rest = points.clone();
+    let extent_m = bounding_box(points).map_or(0.0, |(low, high)| (high - low).amax());
+    for round in 0..PLANES {
+        let plane = largest_plane(&rest, tolerance_m, &mut rng)?;
+        let table = as_table(&plane, cloud, tolerance_m);
+        // A scan of one thing has smaller planes, too, but no table that is wider than what is on it.
+        if let Some(table) = table
+            && (round == 0 || table.is_wider_than_rest(points, tolerance_m))
+        {
+            return Some(table);
+        }
+        if extent_m < LEAST_ROOM_M {
+            return None;
+        }
+        rest.retain(|p| plane.height(p).abs() > 2.0 * tolerance_m);
+        if (rest.len() as f64) < LEAST_SHARE * points.len() as f64 {
+            return None;
+        }
+    }
+    None
+}
+
+/// The plane with the most points.
+fn largest_plane(points: &[Point3<f64>], tolerance_m: f64, rng: &mut ChaCha8Rng) -> Option<Plane> {
+    if points.len() < 3 {
+        return None;
+    }
     let mut pick = || points[rng.random_range(0..points.len())];
     let sample: Vec<Point3<f64>> =
-        if points.len() <= SCORED { points.clone() } else { (0..SCORED).map(|_| pick()).collect() };
+        if points.len() <= SCORED { points.to_vec() } else { (0..SCORED).map(|_| pick()).collect() };
     let mut best: Option<(usize, Plane)> = None;
     for _ in 0..ATTEMPTS {
         let (a, b, c) = (pick(), pick(), pick());
@@ -123,15 +184,21 @@ pub fn find_table(cloud: &PointCloud, tolerance_m: f64, seed: u64) -> Option<Tab
     for _ in 0..2 {
         plane = refit(points.iter().filter(|p| plane.height(p).abs() < tolerance_m))?;
     }
+    Some(plane)
+}
+
+/// The plane as a table, if it is one from either side.
+fn as_table(plane: &Plane, cloud: &PointCloud, tolerance_m: f64) -> Option<TableTop> {
+    let points = &cloud.points;
     let flipped = Plane { normal: -plane.normal, offset_m: -plane.offset_m };
     match &cloud.views {
         Some(views) => {
             let seen_from_front = views.iter().map(|view| view.dot(&plane.normal)).sum::<f64>() > 0.0;
-            table_top(if seen_from_front { &plane } else { &flipped }, points, tolerance_m)
+            table_top(if seen_from_front { plane } else { &flipped }, points, tolerance_m)
         }
         // Either side may be the front. A box seen from within is then told from a table by what stands there:
         // it reaches from rim to rim.
-        None => [plane, flipped].iter().find_map(|side| {
+        None => [*plane, flipped].iter().find_map(|side| {
             table_top(side, points, tolerance_m).filter(|top| top.is_wider_than_rest(points, tolerance_m))
         }),
     }
@@ -155,7 +222,6 @@ fn table_top(plane: &Plane, points: &[Point3<f64>], tolerance_m: f64) -> Option<
         return None;
     }
     let side = |axis: usize, share: f64| quantile(on.iter().map(|p| p[axis]).collect(), share);
-    let outline = [0.0, 1.0].map(|share| [0, 1].map(|axis| side(axis, share)));
     let [low, high] = [0.02, 0.98].map(|share| [0, 1].map(|axis| side(axis, share)));
     let rim = [0, 1].map(|axis| RIM * (high[axis] - low[axis]));
     let core = [[low[0] + rim[0], low[1] + rim[1]], [high[0] - rim[0], high[1] - rim[1]]];
@@ -163,7 +229,59 @@ fn table_top(plane: &Plane, points: &[Point3<f64>], tolerance_m: f64) -> Option<
     let above = inside().filter(|p| p.z > 2.0 * tolerance_m).count();
     let below = inside().filter(|p| p.z < -2.0 * tolerance_m).count();
     let is_table = above >= FEWEST_ABOVE && below as f64 <= MOST_BELOW * on.len() as f64;
-    is_table.then_some(TableTop { plane: *plane, outline })
+    if !is_table {
+        return None;
+    }
+    let top = TableTop { plane: *plane, outline: Some(outline(&on)), scatter_m: 0.0 };
+    let deepest = -DEEPEST * tolerance_m;
+    let under = points.iter().filter(|p| (deepest..0.0).contains(&p.z) && top.is_over(p)).map(|p| -p.z);
+    let scatter_m = quantile(under.collect(), COVERED);
+    Some(TableTop { scatter_m, ..top })
+}
+
+/// The convex polygon about those of the points that lie in large patches, widened a little.
+fn outline(points: &[&Point3<f64>]) -> Vec<[f64; 2]> {
+    let flat = |p: &&&Point3<f64>| Point3::new(p.x, p.y, 0.0);
+    let flat: Vec<Point3<f64>> = points.iter().map(|p| flat(&p)).collect();
+    let size = bounding_box(&flat).map_or_else(Vector3::zeros, |(low, high)| high - low);
+    let spacing_m = (size.x * size.y / flat.len().max(1) as f64).sqrt();
+    let cell_m = (size.amax() / CELLS).max(3.0 * spacing_m).max(f64::MIN_POSITIVE);
+    let patches = clusters(&flat, cell_m);
+    let largest = patches.iter().map(Vec::len).max().unwrap_or(0) as f64;
+    let table = patches.iter().filter(|patch| patch.len() as f64 >= LEAST_PATCH * largest).flatten();
+    let corners = convex_hull(table.map(|&i| [flat[i as usize].x, flat[i as usize].y]).collect());
+    let count = corners.len().max(1) as f64;
+    let middle = [0, 1].map(|axis| corners.iter().map(|corner| corner[axis] / count).sum::<f64>());
+    let widened =
+        |corner: &[f64; 2]| [0, 1].map(|axis| middle[axis] + WIDENED * (corner[axis] - middle[axis]));
+    corners.iter().map(widened).collect()
+}
+
+/// Corners of the convex hull, counter-clockwise (Andrew 1979).
+fn convex_hull(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    points.dedup();
+    let mut hull: Vec<[f64; 2]> = Vec::new();
+    for pass in 0..2 {
+        let start = hull.len();
+        let mut add = |point: &[f64; 2]| {
+            while hull.len() >= start + 2 {
+                let (a, b) = (hull[hull.len() - 2], hull[hull.len() - 1]);
+                if (b[0] - a[0]) * (point[1] - a[1]) > (b[1] - a[1]) * (point[0] - a[0]) {
+                    break;
+                }
+                hull.pop();
+            }
+            hull.push(*point);
+        };
+        if pass == 0 {
+            points.iter().for_each(&mut add)
+        } else {
+            points.iter().rev().for_each(&mut add)
+        }
+        hull.pop();
+    }
+    hull
 }
 
 #[cfg(test)]
@@ -195,6 +313,31 @@ mod tests {
         assert!(plane.height(&(turn * Point3::new(0.1, 0.1, 0.05))) > 0.049);
         let mapped = plane.plane_from_cloud() * (turn * Point3::new(0.1, 0.1, 0.05));
         assert!((mapped.z - 0.05).abs() < 3e-4);
+    }
+
+    #[test]
+    fn the_table_ends_where_it_ends_and_says_how_noisy_it_is() {
+        let mut cloud = scene(&Isometry3::identity());
+        // A wall behind a gap, which crosses the table's plane.
+        for i in 0..20 {
+            for k in 0..20 {
+                let (x, z) = (f64::from(i) * 0.005, f64::from(k - 10) * 0.005);
+                cloud.points.push(Point3::new(x, 0.30, z));
+            }
+        }
+        for i in 8..32 {
+            cloud.points.push(Point3::new(0.005 * f64::from(i), 0.05, -0.003));
+        }
+        let top = find_table(&cloud, 0.001, 1).unwrap();
+        assert!(!top.carries(&Point3::new(0.05, 0.30, 0.04), 0.01));
+        assert!(top.carries(&Point3::new(0.19, 0.01, 0.04), 0.01));
+        assert!((top.scatter_m - 0.003).abs() < 5e-4, "{}", top.scatter_m);
+    }
+
+    #[test]
+    fn hulls_are_convex_and_counter_clockwise() {
+        let grid = (0..25).map(|i| [f64::from(i % 5), f64::from(i / 5)]).collect();
+        assert_eq!(convex_hull(grid), [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]]);
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub struct Thinned {
     pub voxel_of: Vec<u32>,
 }
 
-/// Averages positions, normals and lines of sight over voxels of side `voxel_m` (> 0).
+/// Averages positions, normals and lines of sight over voxels of side `voxel_m` (> 0). Sweeps mix, and their numbers go.
 ///
 /// Overlapping sweeps sample a surface far more densely than their noise lets them resolve it, and neighbourhoods of a
 /// few points then describe the noise. The mean of a voxel is both fewer points and better ones.
@@ -42,7 +42,12 @@ pub fn thin(cloud: &PointCloud, voxel_m: f64) -> Thinned {
     for (voxel, group) in groups.iter().enumerate() {
         group.iter().for_each(|&(_, i)| voxel_of[i as usize] = voxel as u32);
     }
-    let cloud = PointCloud { points, normals: directions(&cloud.normals), views: directions(&cloud.views) };
+    let cloud = PointCloud {
+        points,
+        normals: directions(&cloud.normals),
+        views: directions(&cloud.views),
+        sweeps: None,
+    };
     Thinned { cloud, voxel_of }
 }
 
@@ -60,7 +65,7 @@ mod tests {
     fn one_mean_point_for_each_voxel() {
         let points = [[0.0, 0.0, 0.0], [1.5, 0.0, 0.0], [0.2, 0.0, 0.0]].map(Point3::from).to_vec();
         let views = Some(vec![Vector3::z_axis(), Vector3::x_axis(), -Vector3::z_axis()]);
-        let thinned = thin(&PointCloud { points, normals: None, views }, 1.0);
+        let thinned = thin(&PointCloud { points, views, ..PointCloud::default() }, 1.0);
         assert_eq!(thinned.voxel_of, [0, 1, 0]);
         assert_eq!(thinned.cloud.points, [[0.1, 0.0, 0.0], [1.5, 0.0, 0.0]].map(Point3::from));
         assert_eq!(thinned.cloud.views.unwrap(), [Vector3::z_axis(), Vector3::x_axis()]);

@@ -99,6 +99,61 @@ fn text_for_people_names_what_was_written() {
     }
 }
 
+/// A table of 0.4 m with two boxes on it, 80 x 60 x 50 and 40 x 40 x 60 mm, as a camera above sees them.
+fn table_scene() -> String {
+    let mut text = String::new();
+    let mut add = |x: f64, y: f64, z: f64| text.push_str(&format!("{x:.4} {y:.4} {z:.4}\n"));
+    let top = |x: f64, y: f64| {
+        let on = |x0: f64, y0: f64, a: f64, b: f64| (x - x0).abs() < a && (y - y0).abs() < b;
+        if on(-0.07, 0.0, 0.04, 0.03) {
+            0.05
+        } else if on(0.08, 0.03, 0.02, 0.02) {
+            0.06
+        } else {
+            0.0
+        }
+    };
+    for i in -100..100 {
+        for k in -100..100 {
+            let (x, y) = (f64::from(i) * 0.002 + 0.001, f64::from(k) * 0.002 + 0.001);
+            let z = top(x, y);
+            add(x, y, z);
+            // Walls, where a neighbour is lower.
+            let lowest =
+                top(x + 0.002, y).min(top(x - 0.002, y)).min(top(x, y + 0.002)).min(top(x, y - 0.002));
+            let steps = ((z - lowest) / 0.002).round().max(0.0) as u32;
+            (1..steps).for_each(|step| add(x, y, lowest + f64::from(step) * 0.002));
+        }
+    }
+    text
+}
+
+#[test]
+fn one_of_several_objects_is_picked() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.xyz"), table_scene()).unwrap();
+    let run = |call: &str| prehend(folder.path(), call);
+    let all = run("reconstruct scene.xyz -o model.ply --close --pick all --json").ends_with(0).json();
+    assert_eq!((number(&all, "/objects/0/number"), all["objects"].as_array().unwrap().len()), (1.0, 2));
+    assert!((number(&all, "/objects/0/size_m/0") - 0.08).abs() < 0.005, "{all}");
+    assert!((number(&all, "/objects/1/size_m/2") - 0.06).abs() < 0.003, "{all}");
+    for model in ["/models/0", "/models/1"] {
+        assert_eq!(all.pointer(&format!("{model}/watertight")), Some(&true.into()), "{all}");
+        let name = all.pointer(&format!("{model}/file")).and_then(Value::as_str).unwrap();
+        assert!(folder.path().join(name).exists(), "{name}");
+    }
+    let one = run("reconstruct scene.xyz -o one.ply --close --pick 2 --tolerance 0.0005 --json")
+        .ends_with(0)
+        .json();
+    assert_eq!(number(&one, "/picked"), 2.0);
+    assert!(number(&one, "/triangles") < number(&all, "/models/1/triangles") / 3.0, "{one}");
+    let shares = one["provenance"].as_object().unwrap().values().map(|share| share.as_f64().unwrap());
+    assert!((shares.sum::<f64>() - 1.0).abs() < 1e-9);
+    run("plan scene.xyz --pick 0.08,0.03,0.03 --strategy paper -o plan.json").ends_with(0);
+    let refused = run("reconstruct scene.xyz -o no.ply --pick 7");
+    assert!(refused.status == 2 && refused.stderr.contains("no object 7 among the 2"), "{}", refused.stderr);
+}
+
 /// The files of a folder with their bytes.
 fn files(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     fs::read_dir(folder)

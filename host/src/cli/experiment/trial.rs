@@ -123,7 +123,7 @@ pub(super) fn run(protocol: &Protocol, index: usize) -> anyhow::Result<Trial> {
         mass_kg: PLANNED_MASS_KG,
         seed: search_seed,
     };
-    let seen = SeenSurface::of_cloud(&scan.cloud.points, surface.report.spacing_m);
+    let seen = SeenSurface::of_mesh(&surface.mesh);
     let (_, planned) = search.run(surface.mesh, seen, "scan", 1, &|_| {})?;
     trial.plan_s = clock.elapsed().as_secs_f64();
 

@@ -6,7 +6,7 @@ use super::super::text::{Lines, decoded, number};
 use super::header::{Encoding, Header, Scalar};
 
 /// Fields that are kept, in the order of [`RawCloud::push`].
-const KEPT: [[&str; 2]; 9] = [
+const KEPT: [[&str; 2]; 10] = [
     ["x", "x"],
     ["y", "y"],
     ["z", "z"],
@@ -16,13 +16,14 @@ const KEPT: [[&str; 2]; 9] = [
     ["view_x", "view_x"],
     ["view_y", "view_y"],
     ["view_z", "view_z"],
+    ["sweep", "sweep"],
 ];
 
 /// LZF cannot do better: a reference of three bytes copies at most 264.
 const MAX_LZF_RATIO: u64 = 88;
 
 /// Field of each kept value, `None` where the file has none.
-type Slots = [Option<usize>; 9];
+type Slots = [Option<usize>; 10];
 
 pub(in super::super) fn read(bytes: &[u8]) -> Result<RawCloud, Fault> {
     let header = Header::parse(bytes)?;
@@ -33,7 +34,7 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<RawCloud, Fault> {
     if !has(0..3) {
         return Err(Problem::Missing("x, y or z among FIELDS").at(Place::File));
     }
-    let mut cloud = RawCloud::with(has(3..6), has(6..9));
+    let mut cloud = RawCloud::with(has(3..6), has(6..9), has(9..10));
     cloud.viewpoint = header.viewpoint;
     let body = &bytes[header.body_at..];
     match header.encoding {
@@ -86,7 +87,7 @@ fn collect(
     cloud: &mut RawCloud,
 ) {
     for point in 0..points {
-        let mut values = [0.0; 9];
+        let mut values = [0.0; 10];
         for (value, slot) in values.iter_mut().zip(slots) {
             if let Some(field) = *slot {
                 let (start, step) = layout(field);
@@ -117,7 +118,7 @@ fn read_ascii(header: &Header, slots: &Slots, body: &[u8], cloud: &mut RawCloud)
             let (found, wanted) = (words.len() as u64, wanted as u64);
             return Err(Problem::ValueCount { what: "a point", found, wanted }.at_line(line));
         }
-        let mut values = [0.0; 9];
+        let mut values = [0.0; 10];
         for (value, slot) in values.iter_mut().zip(slots) {
             if let Some(field) = *slot {
                 *value = number(words[columns[field]]).map_err(|problem| problem.at_line(line))?;

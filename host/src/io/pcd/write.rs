@@ -9,7 +9,8 @@ use super::super::{cloud_columns, narrowed};
 use super::header::Encoding;
 use crate::surface::PointCloud;
 
-const NAMES: [&str; 9] = ["x", "y", "z", "normal_x", "normal_y", "normal_z", "view_x", "view_y", "view_z"];
+const NAMES: [&str; 10] =
+    ["x", "y", "z", "normal_x", "normal_y", "normal_z", "view_x", "view_y", "view_z", "sweep"];
 
 pub(in super::super) fn write(
     writer: &mut dyn Write,

@@ -7,7 +7,7 @@ use super::body::Body;
 use super::header::{Element, Encoding, Header, Kind};
 
 /// Properties of a vertex that are kept, in the order of [`RawCloud::push`].
-const KEPT: [[&str; 2]; 9] = [
+const KEPT: [[&str; 2]; 10] = [
     ["x", "x"],
     ["y", "y"],
     ["z", "z"],
@@ -17,6 +17,7 @@ const KEPT: [[&str; 2]; 9] = [
     ["view_x", "view_x"],
     ["view_y", "view_y"],
     ["view_z", "view_z"],
+    ["sweep", "sweep"],
 ];
 
 /// A mesh when the file has faces or strips, else a cloud.
@@ -31,28 +32,39 @@ pub(in super::super) fn read(bytes: &[u8]) -> Result<Raw, Fault> {
         }
         binary => Body::bytes(records, binary),
     };
-    let (mut mesh, mut cloud) = (RawMesh::by_face(), None);
+    let (mut mesh, mut cloud, mut provenance) = (RawMesh::by_face(), None, Vec::new());
     for element in &header.elements {
         body.check(element).map_err(|problem| problem.at(Place::File))?;
         match element.name.as_str() {
             "vertex" => cloud = Some(vertices(&mut body, element)?),
-            "face" => {
-                lists(&mut body, element, "face", &["vertex_indices", "vertex_index"], |list, face| {
-                    mesh.push(list.iter().copied().map(Ok), face)
-                })?
-            }
+            "face" => lists(
+                &mut body,
+                element,
+                "face",
+                &["vertex_indices", "vertex_index"],
+                |list, face| mesh.push(list.iter().copied().map(Ok), face),
+                |number| provenance.push(number),
+            )?,
             "tristrips" => {
-                lists(&mut body, element, "strip", &["vertex_indices", "vertex_index"], |list, strip| {
-                    list.split(|&index| index == -1)
-                        .try_for_each(|strip_of| push_strip(&mut mesh, strip_of, strip))
-                })?;
+                lists(
+                    &mut body,
+                    element,
+                    "strip",
+                    &["vertex_indices", "vertex_index"],
+                    |list, strip| {
+                        list.split(|&index| index == -1)
+                            .try_for_each(|strip_of| push_strip(&mut mesh, strip_of, strip))
+                    },
+                    |_| {},
+                )?;
             }
-            _ => lists(&mut body, element, "record", &[], |_, _| Ok(()))?,
+            _ => lists(&mut body, element, "record", &[], |_, _| Ok(()), |_| {})?,
         }
     }
     let cloud = cloud.ok_or(Problem::Missing("the element 'vertex'").at(Place::File))?;
     if mesh.has_polygons() {
         mesh.vertices = cloud.points;
+        mesh.provenance = provenance;
         return Ok(Raw::Mesh(mesh));
     }
     Ok(Raw::Cloud(cloud))
@@ -86,9 +98,9 @@ fn vertices(body: &mut Body<'_>, element: &Element) -> Result<RawCloud, Fault> {
     if !has(0..3) {
         return Err(Problem::Missing("x, y or z of the vertices").at(Place::File));
     }
-    let mut cloud = RawCloud::with(has(3..6), has(6..9));
+    let mut cloud = RawCloud::with(has(3..6), has(6..9), has(9..10));
     for index in 0..element.count {
-        let mut values = [0.0; 9];
+        let mut values = [0.0; 10];
         let record = body.begin_record().and_then(|()| {
             for (property, slot) in element.properties.iter().zip(&slots) {
                 match (&property.kind, slot) {
@@ -110,13 +122,14 @@ fn vertices(body: &mut Body<'_>, element: &Element) -> Result<RawCloud, Fault> {
 }
 
 /// Goes through records that are no vertices and hands the list that has one of `names` to `take`. Without names, the
-/// records are only passed over.
+/// records are only passed over. The property `provenance` goes to `mark`.
 fn lists(
     body: &mut Body<'_>,
     element: &Element,
     kind: &'static str,
     names: &[&str],
     mut take: impl FnMut(&[i64], usize) -> Result<(), Problem>,
+    mut mark: impl FnMut(f64),
 ) -> Result<(), Fault> {
     let is_wanted = |name: &str| names.contains(&name);
     let has_list = |p: &super::header::Property| is_wanted(&p.name) && matches!(p.kind, Kind::List { .. });
@@ -132,7 +145,12 @@ fn lists(
         let record = body.begin_record().and_then(|()| {
             for property in &element.properties {
                 match property.kind {
-                    Kind::One(scalar) => drop(body.next(scalar)?),
+                    Kind::One(scalar) => {
+                        let value = body.next(scalar)?;
+                        if property.name == "provenance" {
+                            mark(value);
+                        }
+                    }
                     Kind::List { count, item } => {
                         list.clear();
                         for _ in 0..body.next_length(count, item)? {

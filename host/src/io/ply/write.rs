@@ -4,11 +4,11 @@ use std::io::{self, Write};
 
 use super::super::cloud_columns;
 use super::header::Encoding;
-use crate::surface::{Mesh, PointCloud};
+use crate::surface::{Mesh, PointCloud, Provenance};
 
-const NAMES: [&str; 9] = ["x", "y", "z", "nx", "ny", "nz", "view_x", "view_y", "view_z"];
+const NAMES: [&str; 10] = ["x", "y", "z", "nx", "ny", "nz", "view_x", "view_y", "view_z", "sweep"];
 
-/// A mesh. `encoding` is ascii or little endian; big endian is only read.
+/// A mesh, with the provenance of its faces where it is known. `encoding` is ascii or little endian; big endian is only read.
 pub(in super::super) fn write_mesh(
     writer: &mut dyn Write,
     mesh: &Mesh,
@@ -17,16 +17,26 @@ pub(in super::super) fn write_mesh(
     write_header(writer, encoding)?;
     write_vertex_element(writer, mesh.vertices().len(), &NAMES[..3])?;
     writeln!(writer, "element face {}", mesh.faces().len())?;
-    writeln!(writer, "property list uchar uint vertex_indices\nend_header")?;
+    writeln!(writer, "property list uchar uint vertex_indices")?;
+    let provenance = mesh.provenance();
+    if provenance.is_some() {
+        let names: Vec<String> =
+            Provenance::ALL.iter().map(|each| format!("{} {each}", each.number())).collect();
+        writeln!(writer, "property uchar provenance\ncomment provenance: {}", names.join(", "))?;
+    }
+    writeln!(writer, "end_header")?;
     for vertex in mesh.vertices() {
         write_row(writer, encoding, vertex.coords.as_slice())?;
     }
-    for face in mesh.faces() {
+    for (number, face) in mesh.faces().iter().enumerate() {
+        let provenance = provenance.and_then(|all| all.get(number)).map(|each| each.number());
         if encoding == Encoding::Ascii {
-            writeln!(writer, "3 {} {} {}", face[0], face[1], face[2])?;
+            let provenance = provenance.map_or_else(String::new, |number| format!(" {number}"));
+            writeln!(writer, "3 {} {} {}{provenance}", face[0], face[1], face[2])?;
         } else {
             writer.write_all(&[3])?;
             face.iter().try_for_each(|index| writer.write_all(&index.to_le_bytes()))?;
+            writer.write_all(provenance.as_slice())?;
         }
     }
     Ok(())

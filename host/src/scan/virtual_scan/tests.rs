@@ -90,7 +90,7 @@ fn the_built_ins_come_back_as_closed_bodies() {
         let report = &done.report;
         assert!(report.watertight && report.components == 1, "{built_in}: {report:?}");
         assert_eq!(report.closing, Closing::OnTable, "{built_in}");
-        let centers = (0..done.mesh.faces().len()).filter(|&f| done.measured[f]).map(|f| {
+        let centers = (0..done.mesh.faces().len()).filter(|&f| done.mesh.is_measured(f)).map(|f| {
             let [a, b, c] = done.mesh.corners(f).map(|p| p.coords);
             Point3::from((a + b + c) / 3.0)
         });

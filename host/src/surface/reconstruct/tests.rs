@@ -31,7 +31,7 @@ fn a_sphere_without_views_is_closed_outward_and_exact() {
     assert!(sphere_error(&done.mesh) < 3e-5, "mean error {}", sphere_error(&done.mesh));
     let volume = 4.0 / 3.0 * std::f64::consts::PI * 0.030_f64.powi(3);
     assert!((done.mesh.signed_volume_m3() / volume - 1.0).abs() < 0.005);
-    assert!(done.measured.iter().all(|&measured| measured));
+    assert!((0..done.mesh.faces().len()).all(|face| done.mesh.is_measured(face)));
 }
 
 #[test]
@@ -58,7 +58,8 @@ fn half_a_sphere_is_an_open_sheet_or_on_request_a_dome() {
     let volume = 2.0 / 3.0 * std::f64::consts::PI * 0.030_f64.powi(3);
     let excess = dome.mesh.signed_volume_m3() / volume - 1.0;
     assert!(excess.abs() < 0.03, "volume is off by {excess}");
-    let measured = dome.measured.iter().filter(|&&m| m).count() as f64 / dome.measured.len() as f64;
+    let faces = dome.mesh.faces().len();
+    let measured = (0..faces).filter(|&face| dome.mesh.is_measured(face)).count() as f64 / faces as f64;
     assert!((0.5..0.95).contains(&measured), "{measured}");
 }
 
@@ -78,6 +79,36 @@ fn a_given_table_makes_the_base() {
 }
 
 #[test]
+fn fewer_triangles_stay_within_the_bound_and_closed() {
+    let cloud = sphere(8000, 0.0);
+    let settings = Settings { close: true, ..Settings::default() };
+    let all = reconstruct(&cloud, &settings).unwrap();
+    let few =
+        reconstruct(&cloud, &Settings { triangles: Some(1000), tolerance_m: Some(1e-3), ..settings.clone() });
+    let few = few.unwrap();
+    assert!(few.report.watertight && (998..=1000).contains(&few.report.triangles), "{:?}", few.report);
+    assert!(sphere_error(&few.mesh) < 1e-3);
+    let bound = Settings { tolerance_m: Some(2e-4), ..settings };
+    let bounded = reconstruct(&cloud, &bound).unwrap();
+    assert!(bounded.report.triangles < all.report.triangles / 4, "{:?}", bounded.report);
+    for vertex in bounded.mesh.vertices() {
+        assert!(((vertex - Point3::new(0.0, 0.0, 0.05)).norm() - 0.030).abs() < 3e-4);
+    }
+}
+
+#[test]
+fn a_sheet_shows_only_what_sensors_can_have_seen() {
+    // A ball from above: the rim of the sheet, at the equator, would fold under.
+    let cap = sphere(20_000, 5e-5).filtered(|_, p| p.z > 0.048);
+    let views = cap.points.iter().map(|_| Vector3::z_axis()).collect();
+    let cap = PointCloud { views: Some(views), ..cap };
+    let sheet = reconstruct(&cap, &Settings::default()).unwrap().mesh;
+    assert!((0..sheet.faces().len()).all(|face| sheet.face_normal(face).z > -0.12));
+    let area = sheet.area_m2() / (2.0 * std::f64::consts::PI * 0.030 * 0.032);
+    assert!((0.9..1.1).contains(&area), "{area}");
+}
+
+#[test]
 fn the_number_of_threads_changes_nothing() {
     let cloud = sphere(6000, 1e-4).filtered(|_, p| p.x < 0.02);
     let settings = Settings { close: true, ..Settings::default() };
@@ -87,7 +118,6 @@ fn the_number_of_threads_changes_nothing() {
     };
     let (one, three) = (run(1), run(3));
     assert_eq!(one.mesh, three.mesh);
-    assert_eq!(one.measured, three.measured);
 }
 
 #[test]
