@@ -279,7 +279,8 @@ fn summary(result: &Reconstruction, file: &Path) -> Summary {
         table: report.table.map(|t| [t.normal.x, t.normal.y, t.normal.z, t.offset_m]),
         provenance: Provenance::ALL
             .into_iter()
-            .map(|each| (each.name(), result.mesh.area_of_m2(each) / area_m2))
+            // The sum of nothing is -0.
+            .map(|each| (each.name(), result.mesh.area_of_m2(each) / area_m2 + 0.0))
             .collect(),
         sweeps_apart_m: match &report.registration {
             Registration::Moved(moved) => Some([moved.before_m, moved.after_m]),
