@@ -35,8 +35,6 @@ pub struct Limits {
     pub triangles: usize,
     /// Farthest that the surface may move, metres.
     pub tolerance_m: f64,
-    /// Collapse only edges shorter than this, metres.
-    pub edges_below_m: f64,
 }
 
 /// The mesh with fewer triangles: collapses edges until a limit is met, or none is left that may collapse.
@@ -239,10 +237,6 @@ impl Work {
     }
 
     fn offer(&mut self, [a, b]: [u32; 2]) {
-        let [pa, pb] = [a, b].map(|v| self.at[v as usize]);
-        if (pa - pb).norm() >= self.limits.edges_below_m {
-            return;
-        }
         if let Some(&(_, cost)) = self.places(a, b).first() {
             let version = self.version[a as usize].wrapping_add(self.version[b as usize]);
             self.heap.push(Reverse(Candidate { cost, ends: ordered(a, b), version }));
@@ -515,7 +509,7 @@ mod tests {
         for (object, n) in [(BuiltIn::Mouse, 2), (BuiltIn::TeacupCover, 2), (BuiltIn::Cube, 24)] {
             let mesh = fine(object, n);
             for tolerance_m in [5e-5, 5e-4] {
-                let limits = Limits { triangles: 0, tolerance_m, edges_below_m: f64::INFINITY };
+                let limits = Limits { triangles: 0, tolerance_m };
                 let fewer = decimate(&mesh, &limits);
                 assert!(fewer.faces().len() * 3 < mesh.faces().len(), "{object}: {}", fewer.faces().len());
                 assert!(fewer.is_watertight() && fewer.components() == 1, "{object}");
@@ -530,14 +524,12 @@ mod tests {
     #[test]
     fn a_cube_needs_few_triangles_and_a_count_is_kept() {
         let mesh = fine(BuiltIn::Cube, 10);
-        let all = Limits { triangles: 0, tolerance_m: 1e-6, edges_below_m: f64::INFINITY };
+        let all = Limits { triangles: 0, tolerance_m: 1e-6 };
         let fewest = decimate(&mesh, &all);
         assert!(fewest.faces().len() <= 30, "{}", fewest.faces().len());
         assert!((fewest.signed_volume_m3() / mesh.signed_volume_m3() - 1.0).abs() < 2e-4);
         let some = decimate(&mesh, &Limits { triangles: 400, ..all });
         assert!((398..=400).contains(&some.faces().len()), "{}", some.faces().len());
-        let none = decimate(&mesh, &Limits { edges_below_m: 1e-9, ..all });
-        assert_eq!(none.faces().len(), mesh.faces().len());
     }
 
     #[test]
@@ -549,7 +541,7 @@ mod tests {
         };
         let sources = (0..mesh.faces().len()).map(source).collect();
         let marked = mesh.clone().with_provenance(sources).unwrap();
-        let limits = Limits { triangles: 0, tolerance_m: 1e-6, edges_below_m: f64::INFINITY };
+        let limits = Limits { triangles: 0, tolerance_m: 1e-6 };
         let fewer = decimate(&marked, &limits);
         assert!(fewer.faces().len() < 60, "{}", fewer.faces().len());
         for each in [Provenance::Measured, Provenance::Extruded] {

@@ -11,6 +11,7 @@ use super::{
     mesh::Mesh,
     provenance::Provenance,
     reconstruct::Settings,
+    slivers::without_slivers,
 };
 
 /// Least cosine between a face and the line of sight to the sensor that saw it. A little below none, for noise.
@@ -52,9 +53,7 @@ pub(super) fn without_flaps(
 
 /// Without slivers, and with no more triangles than asked for, as far as the bound on the error allows.
 pub(super) fn fewer_triangles(mesh: Mesh, settings: &Settings, cell_m: f64) -> Mesh {
-    let slivers =
-        Limits { triangles: 0, tolerance_m: SLIVER_TOLERANCE * cell_m, edges_below_m: SLIVER_EDGE * cell_m };
-    let mesh = decimate(&mesh, &slivers);
+    let mesh = without_slivers(mesh, SLIVER_EDGE * cell_m, SLIVER_TOLERANCE * cell_m);
     if settings.triangles.is_none() && settings.tolerance_m.is_none() {
         return mesh;
     }
@@ -63,7 +62,6 @@ pub(super) fn fewer_triangles(mesh: Mesh, settings: &Settings, cell_m: f64) -> M
         &Limits {
             triangles: settings.triangles.unwrap_or(0),
             tolerance_m: settings.tolerance_m.unwrap_or(cell_m),
-            edges_below_m: f64::INFINITY,
         },
     )
 }

@@ -69,14 +69,17 @@ impl Grid {
         Self::new(points, 1.5 * spacing)
     }
 
-    /// The `k` nearest points, nearest first; fewer when the grid holds fewer. `found` is overwritten.
+    /// The `k` nearest points, nearest first; fewer when the grid holds fewer. `found` is overwritten; how far it reached
+    /// before, as for a query nearby, is where the search begins, which changes its time only.
     pub fn nearest(&self, query: &Point3<f64>, k: usize, found: &mut Vec<Neighbour>) {
         let k = k.min(self.points.len());
+        let before_m = found.last().filter(|_| found.len() == k).map_or(0.0, |last| 1.1 * last.0.sqrt());
         found.clear();
         if k == 0 {
             return;
         }
-        let mut reach_m = 0.5 * self.cell_m;
+        // Not farther than some cells: what was far from everything says nothing of others.
+        let mut reach_m = before_m.clamp(0.5 * self.cell_m, 3.0 * self.cell_m);
         loop {
             found.clear();
             // The best so far, sorted: for a dozen of them insertion beats sorting everything that is near.

@@ -1,8 +1,7 @@
 //! Triangle meshes: the surface that contacts are found on.
 
-use std::collections::HashMap;
-
 use nalgebra::{Isometry3, Point3, Unit, Vector3};
+use rayon::prelude::*;
 use thiserror::Error;
 
 use super::{cloud::bounding_box, provenance::Provenance};
@@ -152,14 +151,13 @@ impl Mesh {
     /// Number of edges that do not belong to exactly two faces running over them in opposite directions.
     #[must_use]
     pub fn open_edges(&self) -> usize {
-        let mut balance: HashMap<(u32, u32), (i32, i32)> = HashMap::with_capacity(self.faces.len() * 2);
-        for &[a, b, c] in &self.faces {
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                let entry = balance.entry((from.min(to), from.max(to))).or_default();
-                if from < to { entry.0 += 1 } else { entry.1 += 1 }
-            }
-        }
-        balance.values().filter(|&&uses| uses != (1, 1)).count()
+        let edge = |from: u32, to: u32| ((from.min(to), from.max(to)), from < to);
+        let mut uses: Vec<((u32, u32), bool)> =
+            self.faces.par_iter().flat_map_iter(|&[a, b, c]| [edge(a, b), edge(b, c), edge(c, a)]).collect();
+        uses.par_sort_unstable();
+        // Sorted, the use from the higher to the lower vertex comes first.
+        let is_joined = |uses: &[((u32, u32), bool)]| matches!(uses, [(_, false), (_, true)]);
+        uses.chunk_by(|a, b| a.0 == b.0).filter(|uses| !is_joined(uses)).count()
     }
 
     /// Whether every edge joins exactly two consistently turned faces.

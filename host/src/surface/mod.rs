@@ -18,6 +18,7 @@ pub mod reconstruct;
 pub mod register;
 pub mod scene;
 mod sharpen;
+mod slivers;
 pub mod survey;
 mod symmetry;
 pub mod table;

@@ -14,7 +14,7 @@ use super::{
     distance::{Field, Lattice, Planes, Support, signed_distance},
     finish::{fewer_triangles, provenances, without_flaps},
     fragments::without_fragments,
-    grid::Grid,
+    grid::{Grid, Neighbour},
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{median, quantile},
@@ -24,7 +24,7 @@ use super::{
     survey::{Cleaned, Survey},
     symmetry::{Guess, guess},
     table::Plane,
-    tangent::{Tangent, Tangents, tangents},
+    tangent::{Tangent, Tangents, neighbourhoods, tangents},
 };
 
 /// Fewest points that make a surface.
@@ -52,7 +52,7 @@ pub struct Settings {
     pub cell_m: Option<f64>,
     /// Voxel over which points are averaged first; by default 0.5 mm, or less for objects below 25 mm.
     pub voxel_m: Option<f64>,
-    /// Neighbours of a tangent plane.
+    /// Points that a tangent plane is fitted to, at least 5.
     pub neighbours: usize,
     /// Least radius of a tangent plane's neighbourhood; by default 1.5 times the spacing.
     pub radius_m: Option<f64>,
@@ -253,24 +253,34 @@ pub fn reconstruct(cloud: &PointCloud, settings: &Settings) -> Result<Reconstruc
     survey.whole()
 }
 
+/// A thinned cloud.
+pub(super) struct Samples<'a> {
+    pub(super) cloud: &'a PointCloud,
+    /// How many points each one is the mean of.
+    pub(super) counts: Vec<f64>,
+}
+
 /// The surface of one object of a cloud that was made ready in `clean_s` seconds.
 pub(super) fn surface_of(
-    object: &PointCloud,
+    samples: &Samples<'_>,
     sights: &[Sight],
     cleaned: &Cleaned,
     settings: &Settings,
     clean_s: f64,
 ) -> Result<Reconstruction, ReconstructError> {
+    let object = samples.cloud;
     let mut seconds = StageSeconds { clean_s, ..StageSeconds::default() };
     let mut clock = Clock::start();
     let table = cleaned.table.as_ref().map(|table| table.plane);
 
     let grid = Grid::for_surface(&object.points);
-    let fourth = fourth_neighbour(&object.points, &grid);
+    // At least what the spacing is measured by.
+    let near = neighbourhoods(&object.points, &grid, settings.neighbours.max(5));
+    let fourth = fourth_neighbour(&near);
     let spacing = median(fourth.clone());
     let cell_m = settings.cell_m.unwrap_or(CELL_PER_SPACING * spacing);
     let radius = settings.radius_m.unwrap_or(1.5 * spacing);
-    let Tangents { planes, shows_edges } = tangents(&object.points, &grid, settings.neighbours, radius);
+    let Tangents { planes, shows_edges } = tangents(&object.points, &samples.counts, &grid, &near, radius);
     let fitted = object.filtered(|i, _| planes[i].is_some());
     let mut planes: Vec<Tangent> = planes.into_iter().flatten().collect();
     enough(cleaned.given, planes.len(), "fitting tangent planes")?;
@@ -279,7 +289,12 @@ pub(super) fn surface_of(
     let up = table.map_or_else(Vector3::z, |table| table.normal.into_inner());
     match fitted.views.as_ref().or(fitted.normals.as_ref()) {
         Some(outside) => orient_towards(&mut planes, outside),
-        None => orient_by_propagation(&mut planes, settings.neighbours, &up),
+        None if planes.len() == near.len() => orient_by_propagation(&mut planes, &near, &up),
+        None => {
+            let near =
+                neighbourhoods(&fitted.points, &Grid::for_surface(&fitted.points), settings.neighbours);
+            orient_by_propagation(&mut planes, &near, &up);
+        }
     }
     seconds.orient_s = clock.lap();
 
@@ -290,7 +305,7 @@ pub(super) fn surface_of(
     let lattice = lattice_above_table(&origins, cell_m)?;
     let grid = Grid::new(&origins, 1.5 * spacing.max(0.5 * cell_m));
     let support =
-        Support { radius_m: 1.25 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.7 * spacing };
+        Support { radius_m: 1.25 * quantile(fourth, 0.9).max(0.7 * cell_m), blend_m: 0.9 * spacing };
     let planes = Planes { tangents: &planes, grid: &grid, support, shows_edges };
     let field = signed_distance(&planes, lattice);
     seconds.distance_s = clock.lap();
@@ -417,12 +432,8 @@ pub(super) fn enough(given: usize, left: usize, stage: &'static str) -> Result<(
 }
 
 /// Distance from each point to its fourth neighbour: on a square grid of samples, its pitch.
-pub(super) fn fourth_neighbour(points: &[Point3<f64>], grid: &Grid) -> Vec<f64> {
-    let distance = |found: &mut Vec<(f64, u32)>, point| {
-        grid.nearest(point, 5, found);
-        found.last().map_or(0.0, |n| n.0.sqrt())
-    };
-    points.par_iter().map_init(Vec::new, distance).collect()
+pub(super) fn fourth_neighbour(near: &[Vec<Neighbour>]) -> Vec<f64> {
+    near.iter().map(|near| near.get(4).or(near.last()).map_or(0.0, |n| n.0.sqrt())).collect()
 }
 
 /// Without a table: a plane across the mean outward direction, through the point that lies deepest behind it.

@@ -20,8 +20,8 @@ use super::{
     orient::orient_towards,
     outlier::median,
     table::Plane,
-    tangent::{Tangent, tangents},
-    thin::thin,
+    tangent::{Tangent, neighbourhoods, tangents},
+    thin::{Thinned, thin},
 };
 
 /// Standard deviation of a sweep's misplacement that is counted on.
@@ -173,10 +173,12 @@ struct Sweep {
 impl Sweep {
     fn new(cloud: &PointCloud, table: Option<&Plane>) -> Self {
         let is_table = |p: &Point3<f64>| table.is_some_and(|table| table.height(p).abs() < TABLE_REACH_M);
-        let (body, voxel_m) = thinned(&cloud.filtered(|_, p| !is_table(p)), MOST_PLANES);
-        let (table, _) = thinned(&cloud.filtered(|_, p| is_table(p)), MOST_ON_TABLE);
+        let (Thinned { cloud: body, counts, .. }, voxel_m) =
+            thinned(&cloud.filtered(|_, p| !is_table(p)), MOST_PLANES);
+        let (Thinned { cloud: table, .. }, _) = thinned(&cloud.filtered(|_, p| is_table(p)), MOST_ON_TABLE);
         let grid = Grid::for_surface(&body.points);
-        let found = tangents(&body.points, &grid, NEIGHBOURS, 1.5 * voxel_m).planes;
+        let near = neighbourhoods(&body.points, &grid, NEIGHBOURS);
+        let found = tangents(&body.points, &counts, &grid, &near, 1.5 * voxel_m).planes;
         let outside = body.views.as_ref().or(body.normals.as_ref());
         let fitted: Vec<usize> = (0..found.len()).filter(|&i| found[i].is_some()).collect();
         let mut planes: Vec<Tangent> = found.into_iter().flatten().collect();
@@ -207,15 +209,15 @@ impl Sweep {
 }
 
 /// At most so many averaged points, and the side of their voxels.
-fn thinned(cloud: &PointCloud, most: usize) -> (PointCloud, f64) {
+fn thinned(cloud: &PointCloud, most: usize) -> (Thinned, f64) {
     let extent_m = cloud.bounding_box().map_or(0.0, |(low, high)| (high - low).amax());
     let mut voxel_m = (extent_m / 120.0).max(1e-9);
     loop {
-        let found = thin(cloud, voxel_m).cloud;
-        if found.len() <= most {
+        let found = thin(cloud, voxel_m);
+        if found.cloud.len() <= most {
             return (found, voxel_m);
         }
-        voxel_m *= (found.len() as f64 / most as f64).sqrt().max(1.1);
+        voxel_m *= (found.cloud.len() as f64 / most as f64).sqrt().max(1.1);
     }
 }
 

@@ -8,12 +8,13 @@ use super::{
     grid::Grid,
     outlier::{inliers, median},
     reconstruct::{
-        Clock, ReconstructError, Reconstruction, Settings, Table, check_settings, enough, fourth_neighbour,
-        surface_of,
+        Clock, ReconstructError, Reconstruction, Samples, Settings, Table, check_settings, enough,
+        fourth_neighbour, surface_of,
     },
     register::{Registration, register},
     scene::{Pick, SceneObject, objects},
     table::{Plane, TableTop, find_table},
+    tangent::neighbourhoods,
     thin::{Thinned, thin},
 };
 
@@ -95,6 +96,9 @@ impl Survey {
         let object = self.cleaned.thinned.filtered(|i, _| keep[i]);
         enough(self.cleaned.given, object.len(), "removing outliers")?;
         not_on_a_line(&object.points)?;
+        let counts =
+            self.cleaned.counts.iter().zip(&keep).filter(|(_, keep)| **keep).map(|(count, _)| *count);
+        let samples = Samples { cloud: &object, counts: counts.collect() };
         // What else stands there tells of empty space, too.
         let keep_all = if members.len() == self.cleaned.above.len() {
             keep
@@ -102,7 +106,7 @@ impl Survey {
             self.cleaned.without_strays(&self.cleaned.above, &self.settings)
         };
         let sights = self.cleaned.sights(&keep_all);
-        surface_of(&object, &sights, &self.cleaned, &self.settings, self.clean_s)
+        surface_of(&samples, &sights, &self.cleaned, &self.settings, self.clean_s)
     }
 }
 
@@ -111,6 +115,8 @@ pub(super) struct Cleaned {
     /// Points given.
     pub(super) given: usize,
     thinned: PointCloud,
+    /// How many points each thinned one is the mean of.
+    counts: Vec<f64>,
     spacing_m: f64,
     /// The thinned points that stand on the table.
     above: Vec<u32>,
@@ -136,7 +142,11 @@ impl Cleaned {
         let voxel_m = settings.voxel_m.unwrap_or_else(|| (0.02 * extent).min(0.0005));
         let mut thin_scene = thin(&scene, voxel_m);
         let thinned = &thin_scene.cloud;
-        let spacing_m = median(fourth_neighbour(&thinned.points, &Grid::for_surface(&thinned.points)));
+        let spacing_m = median(fourth_neighbour(&neighbourhoods(
+            &thinned.points,
+            &Grid::for_surface(&thinned.points),
+            5,
+        )));
         let table = match settings.table {
             Table::None => None,
             Table::Auto => find_table(thinned, spacing_m.max(0.002 * extent), settings.seed),
@@ -151,7 +161,7 @@ impl Cleaned {
             scene = registration.applied(&scene);
             thin_scene = thin(&scene, voxel_m);
         }
-        let Thinned { cloud: thinned, voxel_of } = thin_scene;
+        let Thinned { cloud: thinned, voxel_of, counts } = thin_scene;
         let margin_m = settings.table_margin_m.unwrap_or_else(|| {
             let scatter_m = table.as_ref().map_or(0.0, |table| table.scatter_m);
             spacing_m.max(0.001).max(SCATTERS * scatter_m)
@@ -160,7 +170,7 @@ impl Cleaned {
         let above: Vec<u32> =
             (0..thinned.len() as u32).filter(|&i| carried(&thinned.points[i as usize])).collect();
         enough(given, above.len(), "removing the table")?;
-        Ok(Self { given, thinned, spacing_m, above, scene, voxel_of, table, margin_m, registration })
+        Ok(Self { given, thinned, counts, spacing_m, above, scene, voxel_of, table, margin_m, registration })
     }
 
     /// What stands on the table; nothing when there is none.

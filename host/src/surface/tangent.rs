@@ -1,6 +1,8 @@
 //! Tangent planes: the local linear approximation of Hoppe et al. 1992, section 3.1.
 
-use nalgebra::{Isometry3, Matrix3, Point3, SymmetricEigen, Unit, Vector3};
+use std::{borrow::Cow, f64::consts::TAU};
+
+use nalgebra::{Isometry3, Matrix3, Point3, Unit, Vector3};
 use rayon::prelude::*;
 
 use super::{
@@ -39,7 +41,17 @@ const EDGE_HEIGHT: f64 = 0.134;
 /// Rounds of reweighting. The last two hardly move anything.
 const ROUNDS: usize = 4;
 
-/// Fits a plane to the `k` nearest neighbours of each point, or to those within `radius_m` when they are more: `k`
+/// The `k` nearest points of each point, itself among them, nearest first.
+#[must_use]
+pub fn neighbourhoods(points: &[Point3<f64>], grid: &Grid, k: usize) -> Vec<Vec<Neighbour>> {
+    let nearest = |found: &mut Vec<Neighbour>, point| {
+        grid.nearest(point, k, found);
+        found.clone()
+    };
+    points.par_iter().map_init(Vec::new, nearest).collect()
+}
+
+/// Fits a plane to the neighbourhood of each point, or to all within `radius_m` when they are more: a number of neighbours
 /// alone would describe noise wherever the samples lie closer than their noise. `None` for a sample whose neighbourhood
 /// is a line or a point.
 ///
@@ -50,19 +62,29 @@ const ROUNDS: usize = 4;
 /// plane, as with its distance from the sample. The origin is the sample's foot on its plane, and not the neighbours'
 /// centroid, which draws away from borders and edges.
 ///
+/// A point counts as often as `counts` says: as the mean of so many samples.
+///
 /// Where the samples scatter so much that an edge would not show above it, as where sweeps of a scanner do not quite fit
 /// onto each other, two layers of one face would be taken for two faces. The planes are then Hoppe's plain ones.
 #[must_use]
-pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) -> Tangents {
-    let near: Vec<Vec<Neighbour>> = points
+pub fn tangents(
+    points: &[Point3<f64>],
+    counts: &[f64],
+    grid: &Grid,
+    near: &[Vec<Neighbour>],
+    radius_m: f64,
+) -> Tangents {
+    let weighted = Weighted { points, counts };
+    let near: Vec<Cow<'_, [Neighbour]>> = points
         .par_iter()
-        .map(|point| {
-            let mut found = Vec::with_capacity(k);
-            grid.nearest(point, k, &mut found);
-            if found.last().is_some_and(|last| last.0 < radius_m * radius_m) {
-                grid.within(point, radius_m, &mut found);
+        .zip(near)
+        .map(|(point, near)| {
+            if near.last().is_none_or(|last| last.0 >= radius_m * radius_m) {
+                return Cow::Borrowed(near.as_slice());
             }
-            found
+            let mut found = Vec::with_capacity(2 * near.len());
+            grid.within(point, radius_m, &mut found);
+            Cow::Owned(found)
         })
         .collect();
     let plain: Vec<Option<Fit>> = points
@@ -71,19 +93,19 @@ pub fn tangents(points: &[Point3<f64>], grid: &Grid, k: usize, radius_m: f64) ->
         .map(|(point, near)| {
             // The core of the neighbourhood: the smaller, the nearer to an edge it is still on one face.
             let core = (near.len() * 2 / 3).max(FEWEST).min(near.len());
-            fit(points, point, &near[..core], |_| 1.0)
+            weighted.fit(point, &near[..core], |_| 1.0)
         })
         .collect();
     let scatter_m = median(plain.iter().flatten().map(|fit| fit.scatter_m).collect());
     let reach_m = median(near.iter().filter_map(|near| near.last()).map(|last| last.0.sqrt()).collect());
     let shows_edges = TOLERANCE * scatter_m < EDGE_HEIGHT * reach_m;
-    let whole = |(point, near): (&Point3<f64>, &Vec<Neighbour>)| {
-        let Fit { centroid, normal, .. } = fit(points, point, near, |_| 1.0)?;
+    let whole = |(point, near): (&Point3<f64>, &Cow<'_, [Neighbour]>)| {
+        let Fit { centroid, normal, .. } = weighted.fit(point, near, |_| 1.0)?;
         Some(Tangent { origin: centroid, normal })
     };
     let each = points.par_iter().zip(&near);
     let planes = if shows_edges {
-        each.map(|(point, near)| robust(points, point, near, &plain, scatter_m)).collect()
+        each.map(|(point, near)| weighted.robust(point, near, &plain, scatter_m)).collect()
     } else {
         each.map(whole).collect()
     };
@@ -117,36 +139,114 @@ impl Fit {
     }
 }
 
-fn robust(
-    points: &[Point3<f64>],
-    point: &Point3<f64>,
-    neighbours: &[Neighbour],
-    plain: &[Option<Fit>],
-    scatter_m: f64,
-) -> Option<Tangent> {
-    let reach2 = neighbours.last()?.0;
-    let tolerance_m = TOLERANCE * scatter_m.max(LEAST_SCATTER * reach2.sqrt());
-    let agreement = |height: f64| (-0.5 * (height / tolerance_m).powi(2)).exp();
-    // Neighbours are ordered by distance: of equals the nearest wins, on any number of threads.
-    let mut best: Option<(f64, Fit)> = None;
-    for &(_, i) in neighbours {
-        let Some(candidate) = plain[i as usize] else { continue };
-        let support: f64 = neighbours
+/// Points with their weights.
+struct Weighted<'a> {
+    points: &'a [Point3<f64>],
+    counts: &'a [f64],
+}
+
+impl Weighted<'_> {
+    fn robust(
+        &self,
+        point: &Point3<f64>,
+        neighbours: &[Neighbour],
+        plain: &[Option<Fit>],
+        scatter_m: f64,
+    ) -> Option<Tangent> {
+        let reach2 = neighbours.last()?.0;
+        let tolerance_m = TOLERANCE * scatter_m.max(LEAST_SCATTER * reach2.sqrt());
+        let agreement = |height: f64| (-0.5 * (height / tolerance_m).powi(2)).exp();
+        let near: Vec<(f64, Point3<f64>)> = neighbours
             .iter()
-            .map(|&(d2, j)| falloff(d2, reach2) * agreement(candidate.height(&points[j as usize])))
-            .sum();
-        let score = agreement(candidate.height(point)) * support
-            / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
-        if best.as_ref().is_none_or(|(most, _)| score > *most) {
-            best = Some((score, candidate));
+            .map(|&(d2, j)| (falloff(d2, reach2) * self.counts[j as usize], self.points[j as usize]))
+            .collect();
+        let whole: f64 = near.iter().map(|(weight, _)| weight).sum();
+        // Neighbours are ordered by distance: of equals the nearest wins, on any number of threads.
+        let mut best: Option<(f64, Fit)> = None;
+        for &(_, i) in neighbours {
+            let Some(candidate) = plain[i as usize] else { continue };
+            let share =
+                agreement(candidate.height(point)) / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
+            // All neighbours could at most agree whole: most candidates cannot win.
+            if best.as_ref().is_some_and(|(most, _)| share * whole <= *most) {
+                continue;
+            }
+            let support: f64 =
+                near.iter().map(|(weight, point)| weight * agreement(candidate.height(point))).sum();
+            let score = share * support;
+            if best.as_ref().is_none_or(|(most, _)| score > *most) {
+                best = Some((score, candidate));
+            }
         }
+        let mut plane = best?.1;
+        for _ in 0..ROUNDS {
+            let Some(next) = self.fit(point, neighbours, |p| agreement(plane.height(p))) else { break };
+            plane = next;
+        }
+        Some(Tangent {
+            origin: point - plane.normal.into_inner() * plane.height(point),
+            normal: plane.normal,
+        })
     }
-    let mut plane = best?.1;
-    for _ in 0..ROUNDS {
-        let Some(next) = fit(points, point, neighbours, |p| agreement(plane.height(p))) else { break };
-        plane = next;
+
+    /// Weighted least squares.
+    fn fit(
+        &self,
+        center: &Point3<f64>,
+        neighbours: &[Neighbour],
+        trust: impl Fn(&Point3<f64>) -> f64,
+    ) -> Option<Fit> {
+        let reach2 = neighbours.last()?.0;
+        if reach2 <= 0.0 {
+            return None;
+        }
+        let weight =
+            |d2: f64, i: u32| falloff(d2, reach2) * self.counts[i as usize] * trust(&self.points[i as usize]);
+        let (mut total, mut mean) = (0.0, Vector3::zeros());
+        for &(d2, i) in neighbours {
+            let weight = weight(d2, i);
+            total += weight;
+            mean += (self.points[i as usize] - center) * weight;
+        }
+        if total <= f64::MIN_POSITIVE {
+            return None;
+        }
+        mean /= total;
+        let mut covariance = Matrix3::zeros();
+        for &(d2, i) in neighbours {
+            let offset = self.points[i as usize] - center - mean;
+            covariance += offset * offset.transpose() * (weight(d2, i) / (total * reach2));
+        }
+        let (normal, variance) = least_variance(&covariance)?;
+        let scatter_m = (variance.max(0.0) * reach2).sqrt();
+        Some(Fit { centroid: center + mean, normal, scatter_m })
     }
-    Some(Tangent { origin: point - plane.normal.into_inner() * plane.height(point), normal: plane.normal })
+}
+
+/// Direction of least variance, and that variance; `None` when two variances vanish. In closed form (Smith 1961): a third of
+/// the time that the general decomposition takes, of which a cloud needs five for each point.
+fn least_variance(covariance: &Matrix3<f64>) -> Option<(Unit<Vector3<f64>>, f64)> {
+    let mean = covariance.trace() / 3.0;
+    let off = covariance - Matrix3::from_diagonal_element(mean);
+    let spread = (off.norm_squared() / 6.0).sqrt();
+    if !(spread.is_finite() && mean > 0.0) {
+        return None;
+    }
+    let shape = (0.5 * off.determinant() / spread.powi(3)).clamp(-1.0, 1.0);
+    let angle = if spread > 0.0 { shape.acos() / 3.0 } else { 0.0 };
+    let [most, least] = [0.0, TAU / 3.0].map(|turn| mean + 2.0 * spread * (angle + turn).cos());
+    // The sum of the other two variances from the minors: from the roots it would have lost half of its digits.
+    let minors = 0.5 * ((3.0 * mean).powi(2) - covariance.norm_squared());
+    if minors < 1e-9 * most * most {
+        return None;
+    }
+    // The rows of what is left span the plane; two of them that stand well across each other give its normal.
+    let rows = covariance - Matrix3::from_diagonal_element(least);
+    let [a, b, c] = [0, 1, 2].map(|i| rows.row(i).transpose());
+    let crossed = [a.cross(&b), b.cross(&c), c.cross(&a)];
+    let best = crossed.into_iter().max_by(|a, b| a.norm_squared().total_cmp(&b.norm_squared()))?;
+    let normal = Unit::try_new(best, 1e-12 * most * most).unwrap_or_else(Vector3::z_axis);
+    Some((normal, normal.dot(&(covariance * normal.into_inner()))))
 }
 
 /// Weight of a neighbour by its squared distance, of the neighbourhood's squared radius.
@@ -154,47 +254,12 @@ fn falloff(d2: f64, reach2: f64) -> f64 {
     (-2.0 * d2 / reach2).exp()
 }
 
-/// Weighted least squares.
-fn fit(
-    points: &[Point3<f64>],
-    center: &Point3<f64>,
-    neighbours: &[Neighbour],
-    trust: impl Fn(&Point3<f64>) -> f64,
-) -> Option<Fit> {
-    let reach2 = neighbours.last()?.0;
-    if reach2 <= 0.0 {
-        return None;
-    }
-    let weight = |d2: f64, i: u32| falloff(d2, reach2) * trust(&points[i as usize]);
-    let (mut total, mut mean) = (0.0, Vector3::zeros());
-    for &(d2, i) in neighbours {
-        let weight = weight(d2, i);
-        total += weight;
-        mean += (points[i as usize] - center) * weight;
-    }
-    if total <= f64::MIN_POSITIVE {
-        return None;
-    }
-    mean /= total;
-    let mut covariance = Matrix3::zeros();
-    for &(d2, i) in neighbours {
-        let offset = points[i as usize] - center - mean;
-        covariance += offset * offset.transpose() * (weight(d2, i) / (total * reach2));
-    }
-    let eigen = SymmetricEigen::new(covariance);
-    let mut order = [0, 1, 2];
-    order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-    // Two vanishing variances leave the normal undetermined.
-    if eigen.eigenvalues[order[1]] < 1e-9 * eigen.eigenvalues[order[2]] {
-        return None;
-    }
-    let normal = Unit::try_new(eigen.eigenvectors.column(order[0]).into_owned(), 1e-12)?;
-    let scatter_m = (eigen.eigenvalues[order[0]].max(0.0) * reach2).sqrt();
-    Some(Fit { centroid: center + mean, normal, scatter_m })
-}
-
 #[cfg(test)]
 mod tests {
+    use nalgebra::{SymmetricEigen, UnitQuaternion};
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
 
     #[test]
@@ -203,13 +268,41 @@ mod tests {
         let (u, v) = (Vector3::new(2.0, -2.0, 1.0) / 3.0, Vector3::new(2.0, 1.0, -2.0) / 3.0);
         let sheet: Vec<_> =
             (0..100).map(|i| Point3::from(u * f64::from(i % 10) + v * f64::from(i / 10))).collect();
-        for tangent in tangents(&sheet, &Grid::for_surface(&sheet), 9, 0.0).planes {
+        let planes = |points: &[Point3<f64>]| {
+            let grid = Grid::for_surface(points);
+            tangents(points, &vec![1.0; points.len()], &grid, &neighbourhoods(points, &grid, 9), 0.0).planes
+        };
+        for tangent in planes(&sheet) {
             let tangent = tangent.unwrap();
             assert!((tangent.normal.dot(&normal).abs() - 1.0).abs() < 1e-12);
             assert!(tangent.origin.coords.dot(&normal).abs() < 1e-12);
         }
         let line: Vec<_> = (0..50).map(|i| Point3::from(u * f64::from(i))).collect();
-        assert!(tangents(&line, &Grid::for_surface(&line), 9, 0.0).planes.iter().all(Option::is_none));
+        assert!(planes(&line).iter().all(Option::is_none));
+    }
+
+    #[test]
+    fn the_closed_form_agrees_with_the_decomposition() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for _ in 0..2_000 {
+            let turn = UnitQuaternion::from_scaled_axis(Vector3::from_fn(|_, _| rng.random_range(-3.0..3.0)));
+            // From flat as a mirror to a ball, and long ones.
+            let least = 10_f64.powf(rng.random_range(-12.0..-0.5));
+            let variances = Vector3::new(least, rng.random_range(least.max(0.01)..1.0), 1.0);
+            let turn = turn.to_rotation_matrix().into_inner();
+            let covariance = turn * Matrix3::from_diagonal(&variances) * turn.transpose() * 0.3;
+            let (normal, variance) = least_variance(&covariance).unwrap();
+            let eigen = SymmetricEigen::new(covariance);
+            let i = eigen.eigenvalues.imin();
+            assert!((variance - eigen.eigenvalues[i]).abs() < 1e-15, "{variances:?}");
+            let sine = normal.cross(&eigen.eigenvectors.column(i)).norm();
+            // As well as two near variances let a direction be told.
+            assert!(sine < 1e-14 / (variances.y - variances.x), "{sine:e} {variances:?}");
+        }
+        assert!(least_variance(&Matrix3::zeros()).is_none());
+        let way = Vector3::new(0.6, 0.0, 0.8);
+        assert!(least_variance(&(way * way.transpose())).is_none());
+        assert!(least_variance(&Matrix3::identity()).is_some());
     }
 
     #[test]
@@ -222,7 +315,10 @@ mod tests {
             };
             (-20..=20).flat_map(|i| (-20..=20).map(move |k| at(i, k))).collect()
         };
-        let fitted = |points: &[Point3<f64>]| tangents(points, &Grid::for_surface(points), 12, 1.5e-3);
+        let fitted = |points: &[Point3<f64>]| {
+            let grid = Grid::for_surface(points);
+            tangents(points, &vec![1.0; points.len()], &grid, &neighbourhoods(points, &grid, 12), 1.5e-3)
+        };
         let clean = roof(0.0);
         let found = fitted(&clean);
         assert!(found.shows_edges);
