@@ -10,6 +10,7 @@ pub mod distance;
 mod finish;
 mod fragments;
 pub mod grid;
+mod holes;
 pub mod mesh;
 pub mod orient;
 pub mod outlier;

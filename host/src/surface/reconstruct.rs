@@ -15,6 +15,7 @@ use super::{
     finish::{fewer_triangles, provenances, without_flaps},
     fragments::without_fragments,
     grid::{Grid, Neighbour},
+    holes::without_small_holes,
     mesh::{Mesh, MeshError},
     orient::{orient_by_propagation, orient_towards},
     outlier::{median, quantile},
@@ -311,7 +312,8 @@ pub(super) fn surface_of(
     seconds.distance_s = clock.lap();
 
     let part = |triangles, solid| -> Result<(Mesh, usize), MeshError> {
-        let kept = without_fragments(triangles, settings.smallest_part, solid);
+        let whole = without_small_holes(triangles, 2.0 * support.radius_m);
+        let kept = without_fragments(whole, settings.smallest_part, solid);
         Ok((Mesh::new(kept.triangles.0, kept.triangles.1)?, kept.dropped))
     };
     // Sharpening takes as long as the distances: once, on the field that the mesh comes from in the end.
