@@ -72,8 +72,8 @@ impl FingerBus {
         }
     }
 
-    /// What the fingers replied in the exchange of the last [`Self::command`]; the sensors to control by.
-    pub fn take(&mut self, replies: &[[u8; LEN]; FINGER_COUNT]) -> &Sensors {
+    /// What the fingers replied in the exchange of the last [`Self::command`].
+    pub fn take(&mut self, replies: &[[u8; LEN]; FINGER_COUNT]) {
         for (finger, bytes) in FingerId::ALL.into_iter().zip(replies) {
             let i = finger.index();
             match self.judge(i, bytes) {
@@ -89,6 +89,11 @@ impl FingerBus {
                 }
             }
         }
+    }
+
+    /// The sensors to control by.
+    #[must_use]
+    pub const fn sensors(&self) -> &Sensors {
         &self.sensors
     }
 
@@ -198,7 +203,8 @@ mod tests {
         let mut commands = [[0; LEN]; FINGER_COUNT];
         bus.command(output, &mut commands);
         let replies = boards.exchange(&commands);
-        bus.take(&replies)
+        bus.take(&replies);
+        bus.sensors()
     }
 
     fn connected() -> (FingerBus, Boards) {
@@ -298,7 +304,8 @@ mod tests {
         fn whatever_comes_a_finger_is_all_numbers_or_none(replies in any::<[[u8; LEN]; FINGER_COUNT]>(), times in 1..9) {
             let (mut bus, _) = connected();
             for _ in 0..times {
-                let sensors = *bus.take(&replies);
+                bus.take(&replies);
+                let sensors = bus.sensors();
                 for finger in FingerId::ALL {
                     let numbers = finger.joints().flat_map(|i| [sensors.position_rad[i], sensors.joint_torque_nm[i]]);
                     let numbers = numbers.chain(sensors.tip_wrench[finger.index()]);
