@@ -572,6 +572,16 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     stop()
 }
 
+/// A word of flash that was being written when the power failed cannot be read by its code. What is read instead does not
+/// fit its checksum, so the storage passes over it.
+#[exception]
+unsafe fn NonMaskableInt() {
+    if !chip::forgive_flash() {
+        chip::torque_off();
+        stop()
+    }
+}
+
 #[exception]
 unsafe fn DefaultHandler(irq: i16) -> ! {
     chip::torque_off();

@@ -150,6 +150,14 @@ pub(super) fn torque_off() {
 /// The chip's cache of data is emptied by whoever writes the flash.
 pub(super) const fn flash_has_changed() {}
 
+/// Clears the error of a word of flash that cannot be read; whether there was one.
+pub(super) fn forgive_flash() -> bool {
+    let errors = pac::FLASH.eccr().read();
+    // A flag is cleared by writing it.
+    pac::FLASH.eccr().write_value(errors);
+    errors.eccd() || errors.eccd2()
+}
+
 /// A channel of DMA 1.
 #[derive(Clone, Copy)]
 struct Channel {

@@ -145,6 +145,14 @@ pub(super) fn flash_has_changed() {
     while pac::ICACHE.sr().read().busyf() {}
 }
 
+/// Clears the error of a word of flash that cannot be read; whether there was one.
+pub(super) fn forgive_flash() -> bool {
+    let errors = pac::FLASH.eccdetr().read();
+    // A flag is cleared by writing it.
+    pac::FLASH.eccdetr().write_value(errors);
+    errors.eccd()
+}
+
 /// A channel of GPDMA 1.
 #[derive(Clone, Copy)]
 struct Channel {
