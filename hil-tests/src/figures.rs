@@ -135,8 +135,12 @@ impl<'a> Counts<'a> {
     }
 }
 
-/// Bytes of flash and of RAM that an ELF takes.
-fn elf_bytes(path: &Path) -> Result<[u64; 2], FiguresError> {
+/// Bytes of flash and of RAM that an image takes; the stack is not among them.
+///
+/// # Errors
+///
+/// The file cannot be read, or is no ELF.
+pub fn elf_bytes(path: &Path) -> Result<[u64; 2], FiguresError> {
     let bytes = fs::read(path).map_err(|source| FiguresError::Read { path: path.to_owned(), source })?;
     let elf =
         object::File::parse(&*bytes).map_err(|source| FiguresError::Elf { path: path.to_owned(), source })?;
