@@ -3,10 +3,10 @@
 //! ```text
 //! every control period   tick(now, sensors) -> torques, enables, may the watchdog be fed
 //! when bytes have come   receive(bytes)
-//! when time is left      serve(), one request;  transmit(room) -> bytes for the line
+//! when time is left      report(), a state;  serve(), one request;  transmit(room) -> bytes for the line
 //! ```
 //!
-//! `tick` has one length whatever the bus brings; all that may take longer is in `serve` and `transmit`. Where those come
+//! `tick` has one length whatever the bus brings; all that may take longer is in `report`, `serve` and `transmit`. Where those come
 //! late, several set-points are answered by one state, the last.
 
 mod report;
@@ -181,13 +181,13 @@ impl Controller {
 
     /// Bytes for the line, as many as there are or as fit; returns how many.
     pub fn transmit(&mut self, out: &mut [u8]) -> usize {
-        self.report_if_due();
+        self.report();
         self.session.transmit(out)
     }
 
-    /// Frames the state that answers a set-point. Not in `tick`, of which it would be a quarter, and which must not wait
-    /// for it.
-    fn report_if_due(&mut self) {
+    /// Frames the state that answers a set-point, if one is due; [`Self::serve`] and [`Self::transmit`] do it too. Not in
+    /// `tick`, of which it would be half, and which must not wait for it.
+    pub fn report(&mut self) {
         if core::mem::take(&mut self.report_is_due) {
             self.update_state();
             self.session.report(&self.state);

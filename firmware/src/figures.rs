@@ -7,14 +7,16 @@ use core::fmt::{self, Write};
 use core::hint::black_box;
 
 use protocol::command::{ControlWord, Setpoint, ThumbImpedance};
-use protocol::frame::{FRAME_MAX, Framer};
+use protocol::frame::{FRAME_MAX, Framer, MESSAGE_MAX};
 use protocol::ids::{FINGER_COUNT, FingerJoint, JOINT_COUNT, JointId};
+use protocol::service::{Call, Request};
 use protocol::telemetry::{FingerSet, HandState, TipWrench};
 use protocol::units::{AngleQ, DampingQ, ForceQ, StiffnessQ, TipTorqueQ, TorqueQ, VelocityQ};
 
-use crate::app::Controller;
+use crate::app::{Controller, Output};
 use crate::control::impedance::{FingerMotion, tip_torque};
 use crate::control::{Config, Sensors};
+use crate::finger_bus::{FingerBus, LEN, Reply};
 
 /// Counts the instructions of a piece of work.
 pub trait Counter {
@@ -30,8 +32,9 @@ const WARM_UP: u16 = 40;
 const REPETITIONS: u16 = 5;
 
 /// Counts and writes lines of a name and a number: `nothing`, what counting itself costs; `thumb`, the thumb's impedance
-/// alone; `state_frame`, a state's message, CRC and stuffing; and for every period `receive`, `tick` and `transmit`, which
-/// is [`Controller::serve`] and [`Controller::transmit`]. Last `enabled`, the periods in which all fingers had torque.
+/// alone; `state_frame`, a state's message, CRC and stuffing; `fingers`, commands and replies of the finger boards; and for
+/// every period `receive`, `tick` and `transmit`, which is [`Controller::serve`] and [`Controller::transmit`]. Then `enabled`,
+/// the periods in which all fingers had torque. Last `report`, a state, and `serve`, the longest reply.
 ///
 /// `hand` is a new one with a period of `period_us`.
 ///
@@ -49,7 +52,9 @@ pub fn report(
     }
     thumb(counter, hand.control_config(), out)?;
     state_frame(counter, out)?;
-    periods(counter, hand, period_us, out)
+    fingers(counter, out)?;
+    periods(counter, hand, period_us, out)?;
+    replies(counter, hand, out)
 }
 
 fn thumb(counter: &impl Counter, config: &Config, out: &mut impl Write) -> fmt::Result {
@@ -98,6 +103,69 @@ fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
             });
             writeln!(out, "{name} {instructions}")?;
         }
+    }
+    Ok(())
+}
+
+/// An exchange with four boards in good order.
+fn fingers(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
+    let mut bus = FingerBus::default();
+    let mut frames = [[0; LEN]; FINGER_COUNT];
+    let mut noise = Noise(4);
+    let output = Output {
+        torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(1.0)),
+        enabled: [true; FINGER_COUNT],
+        thumb_rotation_rad: Some(1.0),
+        feed_watchdog: true,
+    };
+    for echo in 0..REPETITIONS as u8 {
+        let mut answers = [[0; LEN]; FINGER_COUNT];
+        for reply in &mut answers {
+            let mut digits = || noise.next(2000.0) as i16;
+            Reply {
+                echo,
+                angle: [0; 3].map(|_| AngleQ(digits())),
+                torque: [0; 3].map(|_| TorqueQ(digits())),
+                force: [0; 3].map(|_| ForceQ(digits())),
+                moment: [0; 3].map(|_| TipTorqueQ(digits())),
+                ..Reply::default()
+            }
+            .encode(reply);
+        }
+        let (instructions, ()) = counter.count(|| {
+            bus.command(Some(black_box(&output)), black_box(&mut frames));
+            bus.take(black_box(&answers));
+        });
+        black_box(bus.sensors());
+        writeln!(out, "fingers {instructions}")?;
+    }
+    Ok(())
+}
+
+/// A set-point is answered by a state, and with it the black box is asked for a record.
+fn replies(counter: &impl Counter, hand: &mut Controller, out: &mut impl Write) -> fmt::Result {
+    let mut framer = Framer::default();
+    let (mut wire, mut buffer) = ([0; FRAME_MAX], [0; MESSAGE_MAX]);
+    let angles_rad = swing_rad(0);
+    let sensors = Sensors {
+        position_rad: angles_rad,
+        joint_torque_nm: [0.0; JOINT_COUNT],
+        tip_wrench: [[0.0; 6]; FINGER_COUNT],
+    };
+    for index in 0..REPETITIONS {
+        let mut message = [0; Setpoint::LEN];
+        // Numbers behind those of the periods are new.
+        let seq = WARM_UP + PERIODS + index;
+        setpoint(seq, ControlWord::ENABLE_OPERATION, &angles_rad).encode(&mut message);
+        hand.receive(framer.frame(&message, &mut wire).unwrap_or(&[]));
+        let request = Request { id: index, call: Call::BlackBoxRead { index } };
+        hand.receive(framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
+        let _ = hand.tick(u32::from(seq) * 125, &sensors);
+        let (report, ()) = counter.count(|| hand.report());
+        let (serve, ()) = counter.count(|| hand.serve());
+        let mut room = [0; 2 * FRAME_MAX];
+        let _ = hand.transmit(&mut room);
+        writeln!(out, "report {report}\nserve {serve}")?;
     }
     Ok(())
 }

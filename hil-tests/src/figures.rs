@@ -65,6 +65,10 @@ pub struct Figures {
     pub receive_instructions: u32,
     /// Updating, framing and handing out a state, median.
     pub transmit_instructions: u32,
+    /// Commands and replies of the four finger boards.
+    pub fingers_instructions: u32,
+    /// A state, or the longest reply: the most that control may have to wait for.
+    pub wait_most_instructions: u32,
     /// Code and constants.
     pub flash_bytes: u64,
     /// Statics, among them the black box.
@@ -127,6 +131,8 @@ impl<'a> Counts<'a> {
             state_frame_instructions: self.quantile("state_frame", 0.5)?,
             receive_instructions: self.quantile("receive", with_setpoint)?,
             transmit_instructions: self.quantile("transmit", with_setpoint)?,
+            fingers_instructions: self.quantile("fingers", 0.5)?,
+            wait_most_instructions: self.quantile("serve", 1.0)?.max(self.quantile("report", 1.0)?),
             stack_bytes: *self.0.get("stack")?.first()?,
             flash_bytes: 0,
             ram_bytes: 0,

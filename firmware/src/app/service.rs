@@ -16,7 +16,7 @@ impl Controller {
     /// Answers the request that waits, if one does.
     pub fn serve(&mut self) {
         // The state comes before the reply, as they were asked for.
-        self.report_if_due();
+        self.report();
         let Some(request) = self.session.take_request() else { return };
         let mut record = [0; Record::LEN];
         let answer = match self.answer(&request, &mut record) {

@@ -59,6 +59,8 @@ const LOG_PERIODS: u32 = 8000;
 
 /// Bytes of the receiver's ring: 480 us at 21.25 Mbaud.
 const RECEIVED_MAX: usize = 1024;
+/// Bytes that the controller is given at once: no more than one set-point ends in them.
+const PIECE: usize = 83;
 /// Bytes that are sent at once.
 const SENT_MAX: usize = 512;
 
@@ -410,7 +412,12 @@ fn serve(mut line: Line, mut storage: Option<Storage<ParameterPages>>) -> ! {
         cortex_m::asm::wfe();
         let len = line.receive(&mut bytes);
         let received = bytes.get(..len).unwrap_or(&[]);
-        with_hand(|hand| hand.controller.receive(received));
+        // Piece by piece, and a state apart from a reply, so that control never waits long.
+        with_hand(|hand| hand.controller.receive(&[]));
+        for piece in received.chunks(PIECE) {
+            with_hand(|hand| hand.controller.receive(piece));
+        }
+        with_hand(|hand| hand.controller.report());
         with_hand(|hand| hand.controller.serve());
         if !chip::line_is_sending() {
             let len = with_hand(|hand| hand.controller.transmit(line.sent));
