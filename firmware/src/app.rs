@@ -73,6 +73,8 @@ pub struct Controller {
     report_is_due: bool,
     /// Request whose parameters are to be kept, and whether the board has been told.
     save: Option<(u16, bool)>,
+    /// Number of the last segment that was taken; `None` when the next one must replace.
+    segment: Option<u16>,
 }
 
 /// What the period before leaves.
@@ -134,6 +136,7 @@ impl Controller {
             state: HandState::default(),
             report_is_due: false,
             save: None,
+            segment: None,
         }
     }
 
@@ -227,7 +230,7 @@ impl Controller {
             self.state.seq = self.state.seq.wrapping_add(1);
             self.report_is_due = true;
         }
-        self.follow(&found, now_us, dt_s);
+        self.follow(&found, now_us, elapsed_us, dt_s);
         let output_nm = self.control(&found, dt_s);
         let enabled = found.modes.map(|mode| mode != Mode::Off);
         let target_rad = self.follower.target().position_rad;
@@ -245,7 +248,7 @@ impl Controller {
     }
 
     /// Moves the target on.
-    fn follow(&mut self, found: &Found, now_us: u32, dt_s: f32) {
+    fn follow(&mut self, found: &Found, now_us: u32, elapsed_us: u32, dt_s: f32) {
         let measured = &self.last.sensors.position_rad;
         for finger in FingerId::ALL {
             let i = finger.index();
@@ -253,6 +256,11 @@ impl Controller {
                 self.follower.restart(finger, measured);
             }
         }
+        let by_segments = self.supervisor.word().segments();
+        if by_segments {
+            self.keep_segments(found);
+        }
+        self.follower.follow_segments(by_segments);
         if found.fresh {
             let setpoint = self.session.last_setpoint();
             let most = self.settings.thumb_damping_max_n_s_per_m;
@@ -276,7 +284,22 @@ impl Controller {
         if found.modes.iter().any(|mode| matches!(mode, Mode::Hold | Mode::Stop)) {
             self.follower.stay();
         }
-        self.follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), dt_s);
+        let active = found.modes.map(|mode| mode != Mode::Off);
+        if by_segments {
+            self.follower.step_segments(&self.settings.target, active, elapsed_us);
+        } else {
+            self.follower.step(&self.settings.target, active, dt_s);
+        }
+    }
+
+    /// Segments end with a hold or a stop, and where a finger joins or leaves the others.
+    fn keep_segments(&mut self, found: &Found) {
+        let follows = |mode: Mode| matches!(mode, Mode::Off | Mode::Follow);
+        let is_off = |mode: Mode| mode == Mode::Off;
+        if !found.modes.into_iter().all(follows) || found.modes.map(is_off) != self.last.modes.map(is_off) {
+            self.follower.drop_segments();
+            self.segment = None;
+        }
     }
 
     /// Torques of this period; why they are less than asked is left in `last`.

@@ -7,6 +7,7 @@
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use protocol::telemetry::JointSet;
 
+use crate::control::segments::{Pace, Segment, SegmentError, Segments};
 use crate::control::{Target, ThumbMode};
 
 /// How fast a target may change.
@@ -16,6 +17,14 @@ pub struct Config {
     pub speed_max_rad_per_s: f32,
     /// Largest change of a feed-forward torque.
     pub torque_rate_max_nm_per_s: f32,
+    /// Half the time of a blend between segments.
+    pub blend_half_us: u32,
+}
+
+impl Config {
+    const fn pace(&self) -> Pace {
+        Pace { half_us: self.blend_half_us, speed_max_rad_per_s: self.speed_max_rad_per_s }
+    }
 }
 
 /// A target on its way to the last set-point.
@@ -27,6 +36,9 @@ pub struct Follower {
     goal_nm: [f32; JOINT_COUNT],
     /// Time left to get there.
     left_s: f32,
+    segments: Segments,
+    /// Whether positions are those of the segments.
+    by_segments: bool,
 }
 
 /// The end of `+-most` that `x` lies beyond; `None` if it lies within. Unlike `clamp` it cannot panic, whatever `most` is; and
@@ -45,6 +57,50 @@ impl Follower {
             goal_rad: position_rad,
             goal_nm: [0.0; JOINT_COUNT],
             left_s: 0.0,
+            segments: Segments::at_rest(&position_rad),
+            by_segments: false,
+        }
+    }
+
+    /// Whether positions are those of segments from now on. Beginning with them, the hand is at rest; ending with them, it goes
+    /// to the last set-point.
+    pub fn follow_segments(&mut self, by_segments: bool) {
+        if by_segments && !self.by_segments {
+            self.segments.rest(&self.target.position_rad);
+        }
+        self.by_segments = by_segments;
+    }
+
+    /// Forgets the segments, here.
+    pub fn drop_segments(&mut self) {
+        self.segments.rest(&self.target.position_rad);
+    }
+
+    /// Adds a segment, which may begin at once.
+    ///
+    /// # Errors
+    ///
+    /// [`SegmentError`]; then all is as before.
+    pub fn add_segment(
+        &mut self,
+        config: &Config,
+        segment: &Segment,
+        replaces: bool,
+    ) -> Result<(), SegmentError> {
+        self.segments.add(segment, replaces, &config.pace())
+    }
+
+    /// One period by segments, instead of [`Self::step`].
+    #[inline(never)]
+    pub fn step_segments(&mut self, config: &Config, active: [bool; FINGER_COUNT], elapsed_us: u32) {
+        self.segments.step(elapsed_us, active, &config.pace(), &mut self.target);
+        self.limited = JointSet::default();
+        let torque_step_nm = config.torque_rate_max_nm_per_s * (elapsed_us as f32 * 1e-6);
+        for finger in FingerId::ALL.into_iter().filter(|finger| active[finger.index()]) {
+            for i in finger.joints() {
+                let left_nm = self.goal_nm[i] - self.target.feed_forward_nm[i];
+                self.target.feed_forward_nm[i] += end_beyond(left_nm, torque_step_nm).unwrap_or(left_nm);
+            }
         }
     }
 
@@ -126,7 +182,8 @@ impl Follower {
 mod tests {
     use super::*;
 
-    const CONFIG: Config = Config { speed_max_rad_per_s: 3.0, torque_rate_max_nm_per_s: 50.0 };
+    const CONFIG: Config =
+        Config { speed_max_rad_per_s: 3.0, torque_rate_max_nm_per_s: 50.0, blend_half_us: 25_000 };
     const ALL: [bool; FINGER_COUNT] = [true; FINGER_COUNT];
     const DT_S: f32 = 125e-6;
 
