@@ -17,9 +17,8 @@ use protocol::fault::Refusal;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use protocol::service::{Answer, Event, Reply};
 use protocol::telemetry::{BusTier, DriveState, FingerSet, HandState};
-use protocol::units::{AngleQ, TorqueQ};
 
-use crate::control::{self, Sensors, ThumbMode};
+use crate::control::{self, Sensors};
 use crate::parameters::{Parameters, Settings};
 use crate::safety::recorder::Recorder;
 use crate::safety::sensors::Excitation;
@@ -272,14 +271,7 @@ impl Controller {
             self.last.thumb_stiffness_n_per_m =
                 setpoint.thumb.stiffness.map(|asked| lesser(asked.to_n_per_m(), most));
             self.last.setpoint_us = now_us;
-            let thumb_mode =
-                if setpoint.control.thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
-            self.follower.head_for(
-                setpoint.position.map(AngleQ::to_rad),
-                setpoint.feed_forward.map(TorqueQ::to_nm),
-                thumb_mode,
-                between_us as f32 * 1e-6,
-            );
+            self.follower.head_for(setpoint, between_us as f32 * 1e-6);
         }
         if found.modes.iter().any(|mode| matches!(mode, Mode::Hold | Mode::Stop)) {
             self.follower.stay();

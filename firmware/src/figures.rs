@@ -34,7 +34,8 @@ const REPETITIONS: u16 = 5;
 /// Counts and writes lines of a name and a number: `nothing`, what counting itself costs; `thumb`, the thumb's impedance
 /// alone; `state_frame`, a state's message, CRC and stuffing; `fingers`, commands and replies of the finger boards; and for
 /// every period `receive`, `tick` and `transmit`, which is [`Controller::serve`] and [`Controller::transmit`]. Then `enabled`,
-/// the periods in which all fingers had torque. Last `report`, a state, and `serve`, the longest reply.
+/// the periods in which all fingers had torque, and `segments`, the periods in which they followed segments instead, blends
+/// among them. Last `report`, a state, and `serve`, the longest reply.
 ///
 /// `hand` is a new one with a period of `period_us`.
 ///
@@ -54,9 +55,11 @@ pub fn report(
     state_frame(counter, out)?;
     fingers(counter, out)?;
     periods(counter, hand, period_us, out)?;
+    segments(counter, hand, period_us, out)?;
     replies(counter, hand, out)
 }
 
+#[inline(never)]
 fn thumb(counter: &impl Counter, config: &Config, out: &mut impl Write) -> fmt::Result {
     let mut noise = Noise(1);
     for _ in 0..REPETITIONS {
@@ -74,6 +77,7 @@ fn thumb(counter: &impl Counter, config: &Config, out: &mut impl Write) -> fmt::
 }
 
 /// Of a hand that moves, and of one whose state is nothing but zeros, which is the worst for the stuffing.
+#[inline(never)]
 fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
     let mut framer = Framer::default();
     let mut noise = Noise(3);
@@ -108,6 +112,7 @@ fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
 }
 
 /// An exchange with four boards in good order.
+#[inline(never)]
 fn fingers(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
     let mut bus = FingerBus::default();
     let mut frames = [[0; LEN]; FINGER_COUNT];
@@ -142,7 +147,54 @@ fn fingers(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
     Ok(())
 }
 
+/// To and fro by segments that are hardly longer than their blends; a set-point comes with every second period.
+#[inline(never)]
+fn segments(
+    counter: &impl Counter,
+    hand: &mut Controller,
+    period_us: u32,
+    out: &mut impl Write,
+) -> fmt::Result {
+    let mut framer = Framer::default();
+    let mut noise = Noise(5);
+    let (mut wire, mut buffer) = ([0; FRAME_MAX], [0; MESSAGE_MAX]);
+    let word = ControlWord::ENABLE_OPERATION.with_thumb_impedance().with_segments();
+    for index in 0..PERIODS {
+        let seq = WARM_UP + PERIODS + index;
+        let angles_rad = swing_rad(seq);
+        if index % 2 == 0 {
+            let mut message = [0; Setpoint::LEN];
+            setpoint(seq, word, &angles_rad).encode(&mut message);
+            hand.receive(framer.frame(&message, &mut wire).unwrap_or(&[]));
+        }
+        // The first one is asked for when the set-point before has said that there are segments.
+        if index % 480 == 1 {
+            let number = index / 480;
+            let position = swing_rad(if number % 2 == 0 { 400 } else { 0 })
+                .map(|q| AngleQ::from_rad(q).unwrap_or_default().0);
+            let call = Call::Segment { number, replaces: number == 0, time_us: 60_000, position };
+            let request = Request { id: number, call };
+            hand.receive(framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
+            hand.serve();
+        }
+        let sensors = Sensors {
+            position_rad: angles_rad.map(|angle_rad| angle_rad + noise.next(1e-4)),
+            joint_torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(0.02)),
+            tip_wrench: [[0.0; 6]; FINGER_COUNT].map(|wrench| wrench.map(|_: f32| noise.next(0.05))),
+        };
+        let now_us = u32::from(seq) * period_us;
+        let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
+        hand.serve();
+        let _ = hand.transmit(&mut [0; 2 * FRAME_MAX]);
+        if output.enabled == [true; FINGER_COUNT] {
+            writeln!(out, "segments {tick}")?;
+        }
+    }
+    Ok(())
+}
+
 /// A set-point is answered by a state, and with it the black box is asked for a record.
+#[inline(never)]
 fn replies(counter: &impl Counter, hand: &mut Controller, out: &mut impl Write) -> fmt::Result {
     let mut framer = Framer::default();
     let (mut wire, mut buffer) = ([0; FRAME_MAX], [0; MESSAGE_MAX]);
@@ -155,7 +207,7 @@ fn replies(counter: &impl Counter, hand: &mut Controller, out: &mut impl Write) 
     for index in 0..REPETITIONS {
         let mut message = [0; Setpoint::LEN];
         // Numbers behind those of the periods are new.
-        let seq = WARM_UP + PERIODS + index;
+        let seq = WARM_UP + 2 * PERIODS + index;
         setpoint(seq, ControlWord::ENABLE_OPERATION, &angles_rad).encode(&mut message);
         hand.receive(framer.frame(&message, &mut wire).unwrap_or(&[]));
         let request = Request { id: index, call: Call::BlackBoxRead { index } };
@@ -170,6 +222,7 @@ fn replies(counter: &impl Counter, hand: &mut Controller, out: &mut impl Write) 
     Ok(())
 }
 
+#[inline(never)]
 fn periods(
     counter: &impl Counter,
     hand: &mut Controller,

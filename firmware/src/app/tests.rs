@@ -8,6 +8,7 @@ use protocol::command::{ControlWord, Setpoint};
 use protocol::frame::{Deframer, FRAME_MAX, Framer, MESSAGE_MAX};
 use protocol::ids::FingerJoint;
 use protocol::service::{Call, Request};
+use protocol::units::AngleQ;
 
 use super::*;
 

@@ -13,10 +13,10 @@
 //! and acceleration have no step in either case. Speeds keep to those of the straight pieces, but that a blend out of an
 //! acceleration may go beyond them by a fifth of their change.
 
-use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT};
+use protocol::ids::JOINT_COUNT;
 use thiserror::Error;
 
-use super::quintic::Quintic;
+use super::quintic::{Corner, Weights};
 use super::tick::Target;
 use super::transition::Motion;
 
@@ -70,17 +70,16 @@ enum Piece {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Segments {
     piece: Piece,
-    ways: [Quintic; JOINT_COUNT],
+    /// The last corner of every joint; at rest where it stands.
+    corners: [Corner; JOINT_COUNT],
+    /// Where the segment under way ends, and how long it goes straight.
+    goal_rad: [f32; JOINT_COUNT],
+    straight_us: u32,
     /// Time of this piece, and how much of it has passed.
     time_us: u32,
     passed_us: u32,
-    /// One over its time.
-    per_us: f32,
-    per_s: f32,
-    /// Where the segment under way ends, with which speed and how long it goes straight.
-    goal_rad: [f32; JOINT_COUNT],
-    speed_rad_per_s: [f32; JOINT_COUNT],
-    straight_us: u32,
+    /// From the corner to the beginning of a straight piece.
+    half_us: u32,
     queue: [Segment; QUEUE_LEN],
     first: usize,
     waiting: usize,
@@ -92,14 +91,12 @@ impl Segments {
     pub fn at_rest(position_rad: &[f32; JOINT_COUNT]) -> Self {
         let mut segments = Self {
             piece: Piece::Rest,
-            ways: [Quintic::default(); JOINT_COUNT],
-            time_us: 1,
-            passed_us: 0,
-            per_us: 1.0,
-            per_s: 1.0,
+            corners: [Corner::default(); JOINT_COUNT],
             goal_rad: [0.0; JOINT_COUNT],
-            speed_rad_per_s: [0.0; JOINT_COUNT],
             straight_us: 0,
+            time_us: 0,
+            passed_us: 0,
+            half_us: 0,
             queue: [Segment { goal_rad: [0.0; JOINT_COUNT], time_us: 0 }; QUEUE_LEN],
             first: 0,
             waiting: 0,
@@ -117,10 +114,9 @@ impl Segments {
 
     /// Stands at the goal.
     fn settle(&mut self) {
-        self.piece = Piece::Rest;
-        self.begin(1);
-        for (way, &goal_rad) in self.ways.iter_mut().zip(&self.goal_rad) {
-            *way = Quintic::straight(goal_rad, 0.0, 0.0);
+        self.begin(Piece::Rest, u32::MAX);
+        for (corner, &position_rad) in self.corners.iter_mut().zip(&self.goal_rad) {
+            *corner = Corner { position_rad, ..Corner::default() };
         }
     }
 
@@ -154,7 +150,7 @@ impl Segments {
         }
         if begins {
             self.waiting = 0;
-            self.blend(Some(segment), pace);
+            self.retarget(segment, pace);
         } else {
             self.queue[(self.first + self.waiting) % QUEUE_LEN] = *segment;
             self.waiting += 1;
@@ -170,96 +166,115 @@ impl Segments {
         }
     }
 
+    fn passed_s(&self) -> f32 {
+        self.passed_us as f32 * 1e-6
+    }
+
+    /// Of a blend.
+    fn share(&self) -> f32 {
+        self.passed_us as f32 / self.time_us as f32
+    }
+
     /// Motion of a joint now.
     fn motion(&self, joint: usize) -> Motion {
-        self.ways[joint].motion(self.passed_us as f32 * self.per_us, self.time_us as f32 * 1e-6)
+        let corner = &self.corners[joint];
+        match self.piece {
+            Piece::Rest => corner.straight(0.0),
+            Piece::Straight => corner.straight(self.passed_s() + self.half_us as f32 * 1e-6),
+            Piece::Blend | Piece::Stop => corner.blend(self.share(), self.time_us as f32 * 1e-6),
+        }
     }
 
-    /// From the motion that there is to that of the next segment, or to rest at the end of this one.
-    // Apart from the period that it ends, which has no registers left.
-    #[inline(never)]
-    fn blend(&mut self, next: Option<&Segment>, pace: &Pace) {
+    /// From the motion that there is to that of a segment, at any time. Not in a control period: it would be long for that.
+    fn retarget(&mut self, segment: &Segment, pace: &Pace) {
         let half_s = pace.half_us as f32 * 1e-6;
-        let time_s = 2.0 * half_s;
-        let per_segment_s = next.map_or(0.0, |segment| 1e6 / segment.time_us as f32);
+        let per_segment_s = 1e6 / segment.time_us as f32;
         for i in 0..JOINT_COUNT {
             let now = self.motion(i);
-            let mut to = Motion {
-                position_rad: self.goal_rad[i],
-                velocity_rad_per_s: 0.0,
-                acceleration_rad_per_s2: 0.0,
+            let position_rad = now.position_rad + now.velocity_rad_per_s * half_s;
+            self.corners[i] = Corner {
+                position_rad,
+                before_rad_per_s: now.velocity_rad_per_s,
+                after_rad_per_s: (segment.goal_rad[i] - position_rad) * per_segment_s,
+                acceleration_rad_per_s2: now.acceleration_rad_per_s2,
             };
-            if let Some(segment) = next {
-                // The two straight lines meet here; when a straight piece has ended, that is its segment's goal.
-                let corner_rad = now.position_rad + now.velocity_rad_per_s * half_s;
-                to.velocity_rad_per_s = (segment.goal_rad[i] - corner_rad) * per_segment_s;
-                to.position_rad = corner_rad + to.velocity_rad_per_s * half_s;
-                self.goal_rad[i] = segment.goal_rad[i];
-            }
-            self.speed_rad_per_s[i] = to.velocity_rad_per_s;
-            self.ways[i] = Quintic::between(&now, &to, time_s);
+            self.goal_rad[i] = segment.goal_rad[i];
         }
-        self.piece = if next.is_some() { Piece::Blend } else { Piece::Stop };
-        self.straight_us = next.map_or(0, |segment| segment.time_us.saturating_sub(2 * pace.half_us));
-        self.begin(2 * pace.half_us);
+        self.blend(Piece::Blend, segment.time_us, pace);
     }
 
-    fn begin(&mut self, time_us: u32) {
-        (self.time_us, self.passed_us) = (time_us.max(1), 0);
-        self.per_us = 1.0 / self.time_us as f32;
-        self.per_s = 1e6 * self.per_us;
+    /// From the end of a straight piece, half a blend before its goal, to the next segment.
+    fn turn(&mut self, pace: &Pace) {
+        let segment = &self.queue[self.first % QUEUE_LEN];
+        let per_segment_s = 1e6 / segment.time_us as f32;
+        for i in 0..JOINT_COUNT {
+            let (corner, position_rad) = (&mut self.corners[i], self.goal_rad[i]);
+            corner.position_rad = position_rad;
+            corner.before_rad_per_s = corner.after_rad_per_s;
+            corner.after_rad_per_s = (segment.goal_rad[i] - position_rad) * per_segment_s;
+            corner.acceleration_rad_per_s2 = 0.0;
+            self.goal_rad[i] = segment.goal_rad[i];
+        }
+        let time_us = segment.time_us;
+        self.first = (self.first + 1) % QUEUE_LEN;
+        self.waiting -= 1;
+        self.blend(Piece::Blend, time_us, pace);
+    }
+
+    /// From the end of a straight piece, half a blend before its goal, to rest there.
+    fn stop(&mut self, pace: &Pace) {
+        for (corner, &goal_rad) in self.corners.iter_mut().zip(&self.goal_rad) {
+            corner.position_rad = goal_rad;
+            (corner.before_rad_per_s, corner.after_rad_per_s) = (corner.after_rad_per_s, 0.0);
+            corner.acceleration_rad_per_s2 = 0.0;
+        }
+        self.blend(Piece::Stop, 0, pace);
+    }
+
+    fn blend(&mut self, piece: Piece, segment_us: u32, pace: &Pace) {
+        self.half_us = pace.half_us;
+        self.straight_us = segment_us.saturating_sub(2 * pace.half_us);
+        self.begin(piece, 2 * pace.half_us);
+    }
+
+    fn begin(&mut self, piece: Piece, time_us: u32) {
+        (self.piece, self.time_us, self.passed_us) = (piece, time_us, 0);
     }
 
     /// The piece behind the one that has ended.
+    // A function of its own, as every large step of a period: all of them in one run out of registers.
     #[inline(never)]
-    fn turn(&mut self, pace: &Pace) {
-        self.passed_us = self.time_us;
+    fn end(&mut self, pace: &Pace) {
         match self.piece {
-            Piece::Rest => self.begin(1),
+            Piece::Rest => self.passed_us = 0,
             Piece::Stop => self.settle(),
-            Piece::Blend if self.straight_us > 0 => {
-                let time_s = self.straight_us as f32 * 1e-6;
-                for (way, speed_rad_per_s) in self.ways.iter_mut().zip(self.speed_rad_per_s) {
-                    *way = Quintic::straight(way.at(1.0).0, speed_rad_per_s, time_s);
-                }
-                self.piece = Piece::Straight;
-                self.begin(self.straight_us);
-            }
-            Piece::Blend | Piece::Straight => {
-                let next = (self.waiting > 0).then(|| self.queue[self.first % QUEUE_LEN]);
-                if next.is_some() {
-                    self.first = (self.first + 1) % QUEUE_LEN;
-                    self.waiting -= 1;
-                }
-                self.blend(next.as_ref(), pace);
-            }
+            Piece::Blend if self.straight_us > 0 => self.begin(Piece::Straight, self.straight_us),
+            Piece::Blend | Piece::Straight if self.waiting > 0 => self.turn(pace),
+            Piece::Blend | Piece::Straight => self.stop(pace),
         }
     }
 
-    /// Goes on by one period and writes positions and speeds of the fingers that are `active`; others stay.
-    #[inline(never)]
-    pub fn step(&mut self, elapsed_us: u32, active: [bool; FINGER_COUNT], pace: &Pace, target: &mut Target) {
+    /// Goes on by one period, and what then holds for all joints.
+    pub fn advance(&mut self, elapsed_us: u32, pace: &Pace) -> Weights {
         let passed_us = self.passed_us.saturating_add(elapsed_us);
         if passed_us >= self.time_us {
             // A period that was missed ends one piece, not two.
             let beyond_us = passed_us - self.time_us;
-            self.turn(pace);
+            self.end(pace);
             self.passed_us = beyond_us.min(self.time_us);
         } else {
             self.passed_us = passed_us;
         }
-        let share = self.passed_us as f32 * self.per_us;
-        for finger in FingerId::ALL {
-            if !active[finger.index()] {
-                target.velocity_rad_per_s[finger.joints()].fill(0.0);
-                continue;
-            }
-            for i in finger.joints() {
-                let (position_rad, per_piece) = self.ways[i].at(share);
-                target.position_rad[i] = position_rad;
-                target.velocity_rad_per_s[i] = per_piece * self.per_s;
-            }
+        match self.piece {
+            Piece::Rest => Weights::straight(0.0),
+            Piece::Straight => Weights::straight(self.passed_s() + self.half_us as f32 * 1e-6),
+            Piece::Blend | Piece::Stop => Weights::blend(self.share(), self.time_us as f32 * 1e-6),
         }
+    }
+
+    /// Position and velocity of a joint.
+    pub fn write(&self, joint: usize, weights: &Weights, target: &mut Target) {
+        (target.position_rad[joint], target.velocity_rad_per_s[joint]) = self.corners[joint].at(weights);
     }
 
     /// Whether all joints stand still and nothing waits.

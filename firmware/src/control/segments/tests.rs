@@ -8,7 +8,13 @@ use super::*;
 
 const PACE: Pace = Pace { half_us: 25_000, speed_max_rad_per_s: 3.0 };
 const PERIOD_US: u32 = 125;
-const ALL: [bool; FINGER_COUNT] = [true; FINGER_COUNT];
+
+fn step(segments: &mut Segments, elapsed_us: u32, target: &mut Target) {
+    let weights = segments.advance(elapsed_us, &PACE);
+    for joint in 0..JOINT_COUNT {
+        segments.write(joint, &weights, target);
+    }
+}
 
 /// Joint by joint something else.
 fn goal(scale: f32) -> [f32; JOINT_COUNT] {
@@ -38,7 +44,7 @@ impl Hand {
 
     fn run(&mut self, periods: u32) {
         for _ in 0..periods {
-            self.segments.step(PERIOD_US, ALL, &PACE, &mut self.target);
+            step(&mut self.segments, PERIOD_US, &mut self.target);
             self.seen.push([self.target.position_rad[2], self.target.velocity_rad_per_s[2]]);
         }
     }
@@ -141,7 +147,7 @@ fn acceleration_has_no_step_where_a_blend_is_left() {
     let mut target = Target::hold([0.0; JOINT_COUNT], ThumbMode::Position);
     segments.add(&segment(0.5, 300_000), false, &PACE).expect("slow");
     for _ in 0..130 {
-        segments.step(PERIOD_US, ALL, &PACE, &mut target);
+        step(&mut segments, PERIOD_US, &mut target);
     }
     let before: Vec<_> = (0..JOINT_COUNT).map(|i| segments.motion(i)).collect();
     assert!(before[0].acceleration_rad_per_s2.abs() > 20.0);
@@ -173,16 +179,6 @@ fn what_cannot_be_followed_is_refused_and_changes_nothing() {
         );
         assert_eq!(hand.segments, before);
     }
-}
-
-#[test]
-fn a_finger_without_torque_stays() {
-    let mut hand = Hand::new();
-    hand.segments.add(&segment(0.5, 300_000), false, &PACE).expect("slow");
-    hand.target.position_rad[5] = 0.3;
-    hand.segments.step(60_000, [true, false, true, true], &PACE, &mut hand.target);
-    assert_eq!((hand.target.position_rad[5], hand.target.velocity_rad_per_s[5]), (0.3, 0.0));
-    assert!(hand.target.position_rad[1] > 0.0);
 }
 
 proptest! {
