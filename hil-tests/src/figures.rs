@@ -57,6 +57,8 @@ pub struct Figures {
     pub tick_instructions: u32,
     /// The longest control period of a thousand.
     pub tick_most_instructions: u32,
+    /// The longest of a thousand in which segments are followed instead of set-points.
+    pub segment_tick_most_instructions: u32,
     /// The thumb's impedance alone.
     pub thumb_instructions: u32,
     /// A state's message from its fields, CRC and stuffing.
@@ -121,12 +123,14 @@ impl<'a> Counts<'a> {
         // Half of the periods have a set-point: among the others nothing is received or sent.
         let with_setpoint = 0.75;
         // Were a finger without torque, less would be counted.
-        if self.0.get("enabled")? != &[self.0.get("tick")?.len() as u32] {
+        let periods = self.0.get("tick")?.len();
+        if self.0.get("enabled")? != &[periods as u32] || self.0.get("segments")?.len() != periods {
             return None;
         }
         let figures = Figures {
             tick_instructions: self.quantile("tick", 0.5)?,
             tick_most_instructions: self.quantile("tick", 1.0)?,
+            segment_tick_most_instructions: self.quantile("segments", 1.0)?,
             thumb_instructions: self.quantile("thumb", 0.5)?,
             state_frame_instructions: self.quantile("state_frame", 0.5)?,
             receive_instructions: self.quantile("receive", with_setpoint)?,

@@ -122,8 +122,13 @@ impl Follower {
     /// A new set-point, to be reached in `within_s`.
     pub fn head_for(&mut self, setpoint: &Setpoint, within_s: f32) {
         for i in 0..JOINT_COUNT {
-            self.goal_rad[i] = setpoint.position[i].to_rad();
             self.goal_nm[i] = setpoint.feed_forward[i].to_nm();
+        }
+        // It is a set-point that ends segments, and then it counts.
+        if !setpoint.control.segments() {
+            for i in 0..JOINT_COUNT {
+                self.goal_rad[i] = setpoint.position[i].to_rad();
+            }
         }
         self.left_s = within_s;
         let is_spring = setpoint.control.thumb_impedance();
