@@ -138,6 +138,8 @@ impl Parameters {
     ///
     /// No such parameter, another type, a value outside the range or a number that is none, a hold that would come after
     /// the stop.
+    // Once in the image, and not at every place that calls it.
+    #[inline(never)]
     pub fn set(&mut self, index: u16, value: Value) -> Result<(), Refusal> {
         let info = Self::info(index)?;
         let in_range = match (value, info.min, info.max) {

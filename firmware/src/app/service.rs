@@ -96,6 +96,12 @@ impl Controller {
         }))
     }
 
+    /// Whether the mechanism lets a joint have this angle.
+    #[inline(never)]
+    fn reaches(&self, joint: JointId, angle_rad: f32) -> bool {
+        self.settings.control.limits.range(joint).contains(angle_rad)
+    }
+
     /// Takes a segment, or one that it has taken already.
     fn segment(
         &mut self,
@@ -114,13 +120,12 @@ impl Controller {
         } else if !replaces && self.segment.map(|last| last.wrapping_add(1)) != Some(number) {
             return Err(Refusal::SegmentMissing);
         }
-        let goal_rad = position.map(|digits| AngleQ(digits).to_rad());
-        for (joint, goal_rad) in JointId::ALL.into_iter().zip(goal_rad) {
-            if !self.settings.control.limits.range(joint).contains(goal_rad) {
+        let segment = Segment { goal_rad: position.map(|digits| AngleQ(digits).to_rad()), time_us };
+        for (joint, goal_rad) in JointId::ALL.into_iter().zip(segment.goal_rad) {
+            if !self.reaches(joint, goal_rad) {
                 return Err(Refusal::OutOfRange);
             }
         }
-        let segment = Segment { goal_rad, time_us };
         match self.follower.add_segment(&self.settings.target, &segment, replaces) {
             Ok(()) => self.segment = Some(number),
             Err(SegmentError::Full) => return Err(Refusal::SegmentsFull),

@@ -413,8 +413,7 @@ fn serve(mut line: Line, mut storage: Option<Storage<ParameterPages>>) -> ! {
         let len = line.receive(&mut bytes);
         let received = bytes.get(..len).unwrap_or(&[]);
         // Piece by piece, and a state apart from a reply, so that control never waits long.
-        with_hand(|hand| hand.controller.receive(&[]));
-        for piece in received.chunks(PIECE) {
+        for piece in received.chunks(PIECE).chain([&[][..]]) {
             with_hand(|hand| hand.controller.receive(piece));
         }
         with_hand(|hand| hand.controller.report());

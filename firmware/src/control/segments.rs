@@ -125,6 +125,7 @@ impl Segments {
     /// # Errors
     ///
     /// [`SegmentError`]; then all is as before.
+    #[inline(never)]
     pub fn add(&mut self, segment: &Segment, replaces: bool, pace: &Pace) -> Result<(), SegmentError> {
         let begins = replaces || (self.waiting == 0 && matches!(self.piece, Piece::Rest | Piece::Stop));
         if !begins && self.waiting >= QUEUE_LEN {
@@ -176,6 +177,8 @@ impl Segments {
     }
 
     /// Motion of a joint now.
+    // Thirteen times it would be a tenth of the image.
+    #[inline(never)]
     fn motion(&self, joint: usize) -> Motion {
         let corner = &self.corners[joint];
         match self.piece {
