@@ -165,7 +165,7 @@ fn segments(
         if index % 2 == 0 {
             let mut message = [0; Setpoint::LEN];
             setpoint(seq, word, &angles_rad).encode(&mut message);
-            hand.receive(framer.frame(&message, &mut wire).unwrap_or(&[]));
+            receive(hand, framer.frame(&message, &mut wire).unwrap_or(&[]));
         }
         // The first one is asked for when the set-point before has said that there are segments.
         if index % 480 == 1 {
@@ -174,8 +174,8 @@ fn segments(
                 .map(|q| AngleQ::from_rad(q).unwrap_or_default().0);
             let call = Call::Segment { number, replaces: number == 0, time_us: 60_000, position };
             let request = Request { id: number, call };
-            hand.receive(framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
-            hand.serve();
+            receive(hand, framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
+            serve(hand);
         }
         let sensors = Sensors {
             position_rad: angles_rad.map(|angle_rad| angle_rad + noise.next(1e-4)),
@@ -184,8 +184,8 @@ fn segments(
         };
         let now_us = u32::from(seq) * period_us;
         let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
-        hand.serve();
-        let _ = hand.transmit(&mut [0; 2 * FRAME_MAX]);
+        serve(hand);
+        let _ = transmit(hand, &mut [0; 2 * FRAME_MAX]);
         if output.enabled == [true; FINGER_COUNT] {
             writeln!(out, "segments {tick}")?;
         }
@@ -209,15 +209,15 @@ fn replies(counter: &impl Counter, hand: &mut Controller, out: &mut impl Write) 
         // Numbers behind those of the periods are new.
         let seq = WARM_UP + 2 * PERIODS + index;
         setpoint(seq, ControlWord::ENABLE_OPERATION, &angles_rad).encode(&mut message);
-        hand.receive(framer.frame(&message, &mut wire).unwrap_or(&[]));
+        receive(hand, framer.frame(&message, &mut wire).unwrap_or(&[]));
         let request = Request { id: index, call: Call::BlackBoxRead { index } };
-        hand.receive(framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
+        receive(hand, framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
         let _ = hand.tick(u32::from(seq) * 125, &sensors);
         let (report, ()) = counter.count(|| hand.report());
-        let (serve, ()) = counter.count(|| hand.serve());
+        let (served, ()) = counter.count(|| serve(hand));
         let mut room = [0; 2 * FRAME_MAX];
-        let _ = hand.transmit(&mut room);
-        writeln!(out, "report {report}\nserve {serve}")?;
+        let _ = transmit(hand, &mut room);
+        writeln!(out, "report {report}\nserve {served}")?;
     }
     Ok(())
 }
@@ -250,20 +250,36 @@ fn periods(
             joint_torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(0.02)),
             tip_wrench: [[0.0; 6]; FINGER_COUNT].map(|wrench| wrench.map(|_: f32| noise.next(0.05))),
         };
-        let (receive, ()) = counter.count(|| hand.receive(black_box(frame)));
+        let (received, ()) = counter.count(|| receive(hand, black_box(frame)));
         let now_us = u32::from(period) * period_us;
         let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
         enabled += u16::from(period >= WARM_UP && output.enabled == [true; FINGER_COUNT]);
         let mut room = [0; FRAME_MAX];
-        let (transmit, _) = counter.count(|| {
-            hand.serve();
-            hand.transmit(black_box(&mut room))
+        let (transmitted, _) = counter.count(|| {
+            serve(hand);
+            transmit(hand, black_box(&mut room))
         });
         if period >= WARM_UP {
-            writeln!(out, "receive {receive}\ntick {tick}\ntransmit {transmit}")?;
+            writeln!(out, "receive {received}\ntick {tick}\ntransmit {transmitted}")?;
         }
     }
     writeln!(out, "enabled {enabled}")
+}
+
+// Once in the image, and not at every place that calls them.
+#[inline(never)]
+fn receive(hand: &mut Controller, bytes: &[u8]) {
+    hand.receive(bytes);
+}
+
+#[inline(never)]
+fn serve(hand: &mut Controller) {
+    hand.serve();
+}
+
+#[inline(never)]
+fn transmit(hand: &mut Controller, room: &mut [u8]) -> usize {
+    hand.transmit(room)
 }
 
 /// To and fro at 1 rad/s of a controller at 8 kHz; abductions stand in the middle.

@@ -198,8 +198,10 @@ impl Channel {
         self.clear();
         channel.llr().write(|_| {});
         channel.tr1().write(|w| {
-            (w.set_sdw(Dw::BYTE), w.set_ddw(Dw::BYTE));
-            (w.set_sinc(sends), w.set_dinc(!sends));
+            w.set_sdw(Dw::BYTE);
+            w.set_ddw(Dw::BYTE);
+            w.set_sinc(sends);
+            w.set_dinc(!sends);
             // Both ports reach everything; so memory and peripherals do not wait for each other.
             w.set_sap(if sends { Ap::PORT0 } else { Ap::PORT1 });
             w.set_dap(if sends { Ap::PORT1 } else { Ap::PORT0 });

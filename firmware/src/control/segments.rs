@@ -138,7 +138,7 @@ impl Segments {
         let half_s = pace.half_us as f32 * 1e-6;
         for (i, goal_rad) in segment.goal_rad.iter().enumerate() {
             let from_rad = if begins {
-                let now = self.motion(i);
+                let now = self.motion(&self.corners[i]);
                 now.position_rad + now.velocity_rad_per_s * half_s
             } else {
                 self.last_goal_rad()[i]
@@ -176,11 +176,10 @@ impl Segments {
         self.passed_us as f32 / self.time_us as f32
     }
 
-    /// Motion of a joint now.
+    /// Motion now of the joint that has this corner.
     // Thirteen times it would be a tenth of the image.
     #[inline(never)]
-    fn motion(&self, joint: usize) -> Motion {
-        let corner = &self.corners[joint];
+    fn motion(&self, corner: &Corner) -> Motion {
         match self.piece {
             Piece::Rest => corner.straight(0.0),
             Piece::Straight => corner.straight(self.passed_s() + self.half_us as f32 * 1e-6),
@@ -193,7 +192,7 @@ impl Segments {
         let half_s = pace.half_us as f32 * 1e-6;
         let per_segment_s = 1e6 / segment.time_us as f32;
         for i in 0..JOINT_COUNT {
-            let now = self.motion(i);
+            let now = self.motion(&self.corners[i]);
             let position_rad = now.position_rad + now.velocity_rad_per_s * half_s;
             self.corners[i] = Corner {
                 position_rad,

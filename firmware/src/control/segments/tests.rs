@@ -149,11 +149,11 @@ fn acceleration_has_no_step_where_a_blend_is_left() {
     for _ in 0..130 {
         step(&mut segments, PERIOD_US, &mut target);
     }
-    let before: Vec<_> = (0..JOINT_COUNT).map(|i| segments.motion(i)).collect();
+    let before: Vec<_> = (0..JOINT_COUNT).map(|i| segments.motion(&segments.corners[i])).collect();
     assert!(before[0].acceleration_rad_per_s2.abs() > 20.0);
     segments.add(&segment(0.0, 300_000), true, &PACE).expect("slow");
     for (i, before) in before.iter().enumerate() {
-        let after = segments.motion(i);
+        let after = segments.motion(&segments.corners[i]);
         assert!((after.position_rad - before.position_rad).abs() < 1e-7);
         assert!((after.velocity_rad_per_s - before.velocity_rad_per_s).abs() < 1e-5);
         assert!((after.acceleration_rad_per_s2 - before.acceleration_rad_per_s2).abs() < 1e-2);
