@@ -69,7 +69,7 @@ fn print(report: &Report, json: bool) -> ExitCode {
         println!("{}", serde_json::Value::Object(fields));
     } else {
         for (name, number) in &fields {
-            println!("{name:<28} {number:>10}");
+            println!("{name:<30} {number:>10}");
         }
     }
     ExitCode::SUCCESS
