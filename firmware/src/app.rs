@@ -6,8 +6,8 @@
 //! when time is left      report(), a state;  serve(), one request;  transmit(room) -> bytes for the line
 //! ```
 //!
-//! `tick` has one length whatever the bus brings; all that may take longer is in `report`, `serve` and `transmit`. Where those come
-//! late, several set-points are answered by one state, the last.
+//! `tick` has one length whatever the bus brings; all that may take longer is in `report`, `serve` and `transmit`. Where
+//! those come late, several set-points are answered by one state, the last.
 
 mod report;
 mod service;
@@ -258,6 +258,8 @@ impl Controller {
         let by_segments = self.supervisor.word().segments();
         if by_segments {
             self.keep_segments(found);
+        } else {
+            self.segment = None;
         }
         self.follower.follow_segments(by_segments);
         if found.fresh {

@@ -335,4 +335,6 @@ fn segments_end_with_a_hold_and_a_new_one_must_replace() {
     }
     assert!(before[5] > 0.12, "{before:?}");
     assert_eq!(asked.targets.last(), Some(&[0.0; JOINT_COUNT]));
+    asked.pass(SEGMENTS);
+    assert_eq!(asked.ask(11, false, 500_000, 0.3), Some(Refusal::SegmentMissing), "they begin anew");
 }
