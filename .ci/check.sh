@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Format, lints as errors, documentation without warnings. Rows of features that are supported builds:
-# the default, the host without the twin, and the QEMU board (in thumb.sh).
+# the default, the host without the twin, and the boards (in thumb.sh and boards.sh).
 set -euo pipefail
 cd "$(dirname "$0")/.."
 cargo fmt --all -- --check

@@ -5,7 +5,7 @@ say_missing() { echo "missing: $1" >&2; exit 1; }
 
 command -v cargo >/dev/null || say_missing "cargo: install Rust by rustup (https://rustup.rs)"
 if command -v rustup >/dev/null; then
-  rustup target add thumbv7em-none-eabihf
+  rustup target add thumbv7em-none-eabihf thumbv8m.main-none-eabihf
   rustup component add rustfmt clippy
 else
   cargo fmt --version >/dev/null || say_missing "rustfmt (no rustup here to add it)"

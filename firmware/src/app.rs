@@ -3,11 +3,11 @@
 //! ```text
 //! every control period   tick(now, sensors) -> torques, enables, may the watchdog be fed
 //! when bytes have come   receive(bytes)
-//! when time is left      serve(), one request;  transmit(room) -> bytes for the line
+//! when time is left      report(), a state;  serve(), one request;  transmit(room) -> bytes for the line
 //! ```
 //!
-//! `tick` has one length whatever the bus brings; all that may take longer is in `serve` and `transmit`. Where those come
-//! late, several set-points are answered by one state, the last.
+//! `tick` has one length whatever the bus brings; all that may take longer is in `report`, `serve` and `transmit`. Where
+//! those come late, several set-points are answered by one state, the last.
 
 mod report;
 mod service;
@@ -17,9 +17,8 @@ use protocol::fault::Refusal;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
 use protocol::service::{Answer, Event, Reply};
 use protocol::telemetry::{BusTier, DriveState, FingerSet, HandState};
-use protocol::units::{AngleQ, TorqueQ};
 
-use crate::control::{self, Sensors, ThumbMode};
+use crate::control::{self, Sensors};
 use crate::parameters::{Parameters, Settings};
 use crate::safety::recorder::Recorder;
 use crate::safety::sensors::Excitation;
@@ -73,6 +72,8 @@ pub struct Controller {
     report_is_due: bool,
     /// Request whose parameters are to be kept, and whether the board has been told.
     save: Option<(u16, bool)>,
+    /// Number of the last segment that was taken; `None` when the next one must replace.
+    segment: Option<u16>,
 }
 
 /// What the period before leaves.
@@ -134,6 +135,7 @@ impl Controller {
             state: HandState::default(),
             report_is_due: false,
             save: None,
+            segment: None,
         }
     }
 
@@ -181,13 +183,13 @@ impl Controller {
 
     /// Bytes for the line, as many as there are or as fit; returns how many.
     pub fn transmit(&mut self, out: &mut [u8]) -> usize {
-        self.report_if_due();
+        self.report();
         self.session.transmit(out)
     }
 
-    /// Frames the state that answers a set-point. Not in `tick`, of which it would be a quarter, and which must not wait
-    /// for it.
-    fn report_if_due(&mut self) {
+    /// Frames the state that answers a set-point, if one is due; [`Self::serve`] and [`Self::transmit`] do it too. Not in
+    /// `tick`, of which it would be half, and which must not wait for it.
+    pub fn report(&mut self) {
         if core::mem::take(&mut self.report_is_due) {
             self.update_state();
             self.session.report(&self.state);
@@ -227,7 +229,7 @@ impl Controller {
             self.state.seq = self.state.seq.wrapping_add(1);
             self.report_is_due = true;
         }
-        self.follow(&found, now_us, dt_s);
+        self.follow(&found, now_us, elapsed_us, dt_s);
         let output_nm = self.control(&found, dt_s);
         let enabled = found.modes.map(|mode| mode != Mode::Off);
         let target_rad = self.follower.target().position_rad;
@@ -245,7 +247,7 @@ impl Controller {
     }
 
     /// Moves the target on.
-    fn follow(&mut self, found: &Found, now_us: u32, dt_s: f32) {
+    fn follow(&mut self, found: &Found, now_us: u32, elapsed_us: u32, dt_s: f32) {
         let measured = &self.last.sensors.position_rad;
         for finger in FingerId::ALL {
             let i = finger.index();
@@ -253,6 +255,13 @@ impl Controller {
                 self.follower.restart(finger, measured);
             }
         }
+        let by_segments = self.supervisor.word().segments();
+        if by_segments {
+            self.keep_segments(found);
+        } else {
+            self.segment = None;
+        }
+        self.follower.follow_segments(by_segments);
         if found.fresh {
             let setpoint = self.session.last_setpoint();
             let most = self.settings.thumb_damping_max_n_s_per_m;
@@ -264,19 +273,27 @@ impl Controller {
             self.last.thumb_stiffness_n_per_m =
                 setpoint.thumb.stiffness.map(|asked| lesser(asked.to_n_per_m(), most));
             self.last.setpoint_us = now_us;
-            let thumb_mode =
-                if setpoint.control.thumb_impedance() { ThumbMode::Impedance } else { ThumbMode::Position };
-            self.follower.head_for(
-                setpoint.position.map(AngleQ::to_rad),
-                setpoint.feed_forward.map(TorqueQ::to_nm),
-                thumb_mode,
-                between_us as f32 * 1e-6,
-            );
+            self.follower.head_for(setpoint, between_us as f32 * 1e-6);
         }
         if found.modes.iter().any(|mode| matches!(mode, Mode::Hold | Mode::Stop)) {
             self.follower.stay();
         }
-        self.follower.step(&self.settings.target, found.modes.map(|mode| mode != Mode::Off), dt_s);
+        let active = found.modes.map(|mode| mode != Mode::Off);
+        if by_segments {
+            self.follower.step_segments(&self.settings.target, active, elapsed_us);
+        } else {
+            self.follower.step(&self.settings.target, active, dt_s);
+        }
+    }
+
+    /// Segments end with a hold or a stop, and where a finger joins or leaves the others.
+    fn keep_segments(&mut self, found: &Found) {
+        let follows = |mode: Mode| matches!(mode, Mode::Off | Mode::Follow);
+        let is_off = |mode: Mode| mode == Mode::Off;
+        if !found.modes.into_iter().all(follows) || found.modes.map(is_off) != self.last.modes.map(is_off) {
+            self.follower.drop_segments();
+            self.segment = None;
+        }
     }
 
     /// Torques of this period; why they are less than asked is left in `last`.

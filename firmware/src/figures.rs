@@ -7,14 +7,16 @@ use core::fmt::{self, Write};
 use core::hint::black_box;
 
 use protocol::command::{ControlWord, Setpoint, ThumbImpedance};
-use protocol::frame::{FRAME_MAX, Framer};
+use protocol::frame::{FRAME_MAX, Framer, MESSAGE_MAX};
 use protocol::ids::{FINGER_COUNT, FingerJoint, JOINT_COUNT, JointId};
+use protocol::service::{Call, Request};
 use protocol::telemetry::{FingerSet, HandState, TipWrench};
 use protocol::units::{AngleQ, DampingQ, ForceQ, StiffnessQ, TipTorqueQ, TorqueQ, VelocityQ};
 
-use crate::app::Controller;
+use crate::app::{Controller, Output};
 use crate::control::impedance::{FingerMotion, tip_torque};
 use crate::control::{Config, Sensors};
+use crate::finger_bus::{FingerBus, LEN, Reply};
 
 /// Counts the instructions of a piece of work.
 pub trait Counter {
@@ -30,8 +32,10 @@ const WARM_UP: u16 = 40;
 const REPETITIONS: u16 = 5;
 
 /// Counts and writes lines of a name and a number: `nothing`, what counting itself costs; `thumb`, the thumb's impedance
-/// alone; `state_frame`, a state's message, CRC and stuffing; and for every period `receive`, `tick` and `transmit`, which
-/// is [`Controller::serve`] and [`Controller::transmit`]. Last `enabled`, the periods in which all fingers had torque.
+/// alone; `state_frame`, a state's message, CRC and stuffing; `fingers`, commands and replies of the finger boards; and for
+/// every period `receive`, `tick` and `transmit`, which is [`Controller::serve`] and [`Controller::transmit`]. Then `enabled`,
+/// the periods in which all fingers had torque, and `segments`, the periods in which they followed segments instead, blends
+/// among them. Last `report`, a state, and `serve`, the longest reply.
 ///
 /// `hand` is a new one with a period of `period_us`.
 ///
@@ -49,9 +53,13 @@ pub fn report(
     }
     thumb(counter, hand.control_config(), out)?;
     state_frame(counter, out)?;
-    periods(counter, hand, period_us, out)
+    fingers(counter, out)?;
+    periods(counter, hand, period_us, out)?;
+    segments(counter, hand, period_us, out)?;
+    replies(counter, hand, out)
 }
 
+#[inline(never)]
 fn thumb(counter: &impl Counter, config: &Config, out: &mut impl Write) -> fmt::Result {
     let mut noise = Noise(1);
     for _ in 0..REPETITIONS {
@@ -69,6 +77,7 @@ fn thumb(counter: &impl Counter, config: &Config, out: &mut impl Write) -> fmt::
 }
 
 /// Of a hand that moves, and of one whose state is nothing but zeros, which is the worst for the stuffing.
+#[inline(never)]
 fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
     let mut framer = Framer::default();
     let mut noise = Noise(3);
@@ -102,6 +111,118 @@ fn state_frame(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
     Ok(())
 }
 
+/// An exchange with four boards in good order.
+#[inline(never)]
+fn fingers(counter: &impl Counter, out: &mut impl Write) -> fmt::Result {
+    let mut bus = FingerBus::default();
+    let mut frames = [[0; LEN]; FINGER_COUNT];
+    let mut noise = Noise(4);
+    let output = Output {
+        torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(1.0)),
+        enabled: [true; FINGER_COUNT],
+        thumb_rotation_rad: Some(1.0),
+        feed_watchdog: true,
+    };
+    for echo in 0..REPETITIONS as u8 {
+        let mut answers = [[0; LEN]; FINGER_COUNT];
+        for reply in &mut answers {
+            let mut digits = || noise.next(2000.0) as i16;
+            Reply {
+                echo,
+                angle: [0; 3].map(|_| AngleQ(digits())),
+                torque: [0; 3].map(|_| TorqueQ(digits())),
+                force: [0; 3].map(|_| ForceQ(digits())),
+                moment: [0; 3].map(|_| TipTorqueQ(digits())),
+                ..Reply::default()
+            }
+            .encode(reply);
+        }
+        let (instructions, ()) = counter.count(|| {
+            bus.command(Some(black_box(&output)), black_box(&mut frames));
+            bus.take(black_box(&answers));
+        });
+        black_box(bus.sensors());
+        writeln!(out, "fingers {instructions}")?;
+    }
+    Ok(())
+}
+
+/// To and fro by segments that are hardly longer than their blends; a set-point comes with every second period.
+#[inline(never)]
+fn segments(
+    counter: &impl Counter,
+    hand: &mut Controller,
+    period_us: u32,
+    out: &mut impl Write,
+) -> fmt::Result {
+    let mut framer = Framer::default();
+    let mut noise = Noise(5);
+    let (mut wire, mut buffer) = ([0; FRAME_MAX], [0; MESSAGE_MAX]);
+    let word = ControlWord::ENABLE_OPERATION.with_thumb_impedance().with_segments();
+    for index in 0..PERIODS {
+        let seq = WARM_UP + PERIODS + index;
+        let angles_rad = swing_rad(seq);
+        if index % 2 == 0 {
+            let mut message = [0; Setpoint::LEN];
+            setpoint(seq, word, &angles_rad).encode(&mut message);
+            receive(hand, framer.frame(&message, &mut wire).unwrap_or(&[]));
+        }
+        // The first one is asked for when the set-point before has said that there are segments.
+        if index % 480 == 1 {
+            let number = index / 480;
+            let position = swing_rad(if number % 2 == 0 { 400 } else { 0 })
+                .map(|q| AngleQ::from_rad(q).unwrap_or_default().0);
+            let call = Call::Segment { number, replaces: number == 0, time_us: 60_000, position };
+            let request = Request { id: number, call };
+            receive(hand, framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
+            serve(hand);
+        }
+        let sensors = Sensors {
+            position_rad: angles_rad.map(|angle_rad| angle_rad + noise.next(1e-4)),
+            joint_torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(0.02)),
+            tip_wrench: [[0.0; 6]; FINGER_COUNT].map(|wrench| wrench.map(|_: f32| noise.next(0.05))),
+        };
+        let now_us = u32::from(seq) * period_us;
+        let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
+        serve(hand);
+        let _ = transmit(hand, &mut [0; 2 * FRAME_MAX]);
+        if output.enabled == [true; FINGER_COUNT] {
+            writeln!(out, "segments {tick}")?;
+        }
+    }
+    Ok(())
+}
+
+/// A set-point is answered by a state, and with it the black box is asked for a record.
+#[inline(never)]
+fn replies(counter: &impl Counter, hand: &mut Controller, out: &mut impl Write) -> fmt::Result {
+    let mut framer = Framer::default();
+    let (mut wire, mut buffer) = ([0; FRAME_MAX], [0; MESSAGE_MAX]);
+    let angles_rad = swing_rad(0);
+    let sensors = Sensors {
+        position_rad: angles_rad,
+        joint_torque_nm: [0.0; JOINT_COUNT],
+        tip_wrench: [[0.0; 6]; FINGER_COUNT],
+    };
+    for index in 0..REPETITIONS {
+        let mut message = [0; Setpoint::LEN];
+        // Numbers behind those of the periods are new.
+        let seq = WARM_UP + 2 * PERIODS + index;
+        setpoint(seq, ControlWord::ENABLE_OPERATION, &angles_rad).encode(&mut message);
+        receive(hand, framer.frame(&message, &mut wire).unwrap_or(&[]));
+        let request = Request { id: index, call: Call::BlackBoxRead { index } };
+        receive(hand, framer.frame(request.encode(&mut buffer).unwrap_or(&[]), &mut wire).unwrap_or(&[]));
+        let _ = hand.tick(u32::from(seq) * 125, &sensors);
+        let (report, ()) = counter.count(|| hand.report());
+        let (served, ()) = counter.count(|| serve(hand));
+        let mut room = [0; 2 * FRAME_MAX];
+        let _ = transmit(hand, &mut room);
+        writeln!(out, "report {report}\nserve {served}")?;
+    }
+    Ok(())
+}
+
+#[inline(never)]
 fn periods(
     counter: &impl Counter,
     hand: &mut Controller,
@@ -129,20 +250,36 @@ fn periods(
             joint_torque_nm: [0.0; JOINT_COUNT].map(|_: f32| noise.next(0.02)),
             tip_wrench: [[0.0; 6]; FINGER_COUNT].map(|wrench| wrench.map(|_: f32| noise.next(0.05))),
         };
-        let (receive, ()) = counter.count(|| hand.receive(black_box(frame)));
+        let (received, ()) = counter.count(|| receive(hand, black_box(frame)));
         let now_us = u32::from(period) * period_us;
         let (tick, output) = counter.count(|| hand.tick(black_box(now_us), black_box(&sensors)));
         enabled += u16::from(period >= WARM_UP && output.enabled == [true; FINGER_COUNT]);
         let mut room = [0; FRAME_MAX];
-        let (transmit, _) = counter.count(|| {
-            hand.serve();
-            hand.transmit(black_box(&mut room))
+        let (transmitted, _) = counter.count(|| {
+            serve(hand);
+            transmit(hand, black_box(&mut room))
         });
         if period >= WARM_UP {
-            writeln!(out, "receive {receive}\ntick {tick}\ntransmit {transmit}")?;
+            writeln!(out, "receive {received}\ntick {tick}\ntransmit {transmitted}")?;
         }
     }
     writeln!(out, "enabled {enabled}")
+}
+
+// Once in the image, and not at every place that calls them.
+#[inline(never)]
+fn receive(hand: &mut Controller, bytes: &[u8]) {
+    hand.receive(bytes);
+}
+
+#[inline(never)]
+fn serve(hand: &mut Controller) {
+    hand.serve();
+}
+
+#[inline(never)]
+fn transmit(hand: &mut Controller, room: &mut [u8]) -> usize {
+    hand.transmit(room)
 }
 
 /// To and fro at 1 rad/s of a controller at 8 kHz; abductions stand in the middle.

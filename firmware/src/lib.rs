@@ -8,10 +8,13 @@
 extern crate std;
 
 pub mod app;
-#[cfg(all(feature = "mps2-an386", target_os = "none"))]
+#[cfg(all(any(feature = "mps2-an386", feature = "_stm32"), target_os = "none"))]
 pub mod board;
+pub mod clock;
 pub mod control;
 pub mod figures;
+pub mod finger_bus;
+pub mod line;
 pub mod parameters;
 pub mod safety;
 pub mod selfcheck;

@@ -77,6 +77,8 @@ parameters! {
     SlipRate: "slip.rate", "N/s", F32(50.0) in 0.0..500.0;
     /// Most that it presses beyond what was commanded.
     SlipBoostMax: "slip.boost_max", "N", F32(6.0) in 0.0..10.0;
+    /// Half the time of a blend between segments.
+    TargetBlend: "target.blend", "us", U32(25_000) in 5000..250_000;
 }
 
 /// How many there are.
@@ -136,6 +138,8 @@ impl Parameters {
     ///
     /// No such parameter, another type, a value outside the range or a number that is none, a hold that would come after
     /// the stop.
+    // Once in the image, and not at every place that calls it.
+    #[inline(never)]
     pub fn set(&mut self, index: u16, value: Value) -> Result<(), Refusal> {
         let info = Self::info(index)?;
         let in_range = match (value, info.min, info.max) {
@@ -212,6 +216,7 @@ impl Parameters {
             target: safety::target::Config {
                 speed_max_rad_per_s: self.number(P::TargetSpeedMax),
                 torque_rate_max_nm_per_s: self.number(P::TargetTorqueRate),
+                blend_half_us: self.count(P::TargetBlend),
             },
             thumb_stiffness_max_n_per_m: self.number(P::ThumbStiffnessMax),
             thumb_damping_max_n_s_per_m: self.number(P::ThumbDampingMax),

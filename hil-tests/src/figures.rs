@@ -57,6 +57,8 @@ pub struct Figures {
     pub tick_instructions: u32,
     /// The longest control period of a thousand.
     pub tick_most_instructions: u32,
+    /// The longest of a thousand in which segments are followed instead of set-points.
+    pub segment_tick_most_instructions: u32,
     /// The thumb's impedance alone.
     pub thumb_instructions: u32,
     /// A state's message from its fields, CRC and stuffing.
@@ -65,6 +67,10 @@ pub struct Figures {
     pub receive_instructions: u32,
     /// Updating, framing and handing out a state, median.
     pub transmit_instructions: u32,
+    /// Commands and replies of the four finger boards.
+    pub fingers_instructions: u32,
+    /// A state, or the longest reply: the most that control may have to wait for.
+    pub wait_most_instructions: u32,
     /// Code and constants.
     pub flash_bytes: u64,
     /// Statics, among them the black box.
@@ -117,16 +123,20 @@ impl<'a> Counts<'a> {
         // Half of the periods have a set-point: among the others nothing is received or sent.
         let with_setpoint = 0.75;
         // Were a finger without torque, less would be counted.
-        if self.0.get("enabled")? != &[self.0.get("tick")?.len() as u32] {
+        let periods = self.0.get("tick")?.len();
+        if self.0.get("enabled")? != &[periods as u32] || self.0.get("segments")?.len() != periods {
             return None;
         }
         let figures = Figures {
             tick_instructions: self.quantile("tick", 0.5)?,
             tick_most_instructions: self.quantile("tick", 1.0)?,
+            segment_tick_most_instructions: self.quantile("segments", 1.0)?,
             thumb_instructions: self.quantile("thumb", 0.5)?,
             state_frame_instructions: self.quantile("state_frame", 0.5)?,
             receive_instructions: self.quantile("receive", with_setpoint)?,
             transmit_instructions: self.quantile("transmit", with_setpoint)?,
+            fingers_instructions: self.quantile("fingers", 0.5)?,
+            wait_most_instructions: self.quantile("serve", 1.0)?.max(self.quantile("report", 1.0)?),
             stack_bytes: *self.0.get("stack")?.first()?,
             flash_bytes: 0,
             ram_bytes: 0,
@@ -135,8 +145,12 @@ impl<'a> Counts<'a> {
     }
 }
 
-/// Bytes of flash and of RAM that an ELF takes.
-fn elf_bytes(path: &Path) -> Result<[u64; 2], FiguresError> {
+/// Bytes of flash and of RAM that an image takes; the stack is not among them.
+///
+/// # Errors
+///
+/// The file cannot be read, or is no ELF.
+pub fn elf_bytes(path: &Path) -> Result<[u64; 2], FiguresError> {
     let bytes = fs::read(path).map_err(|source| FiguresError::Read { path: path.to_owned(), source })?;
     let elf =
         object::File::parse(&*bytes).map_err(|source| FiguresError::Elf { path: path.to_owned(), source })?;

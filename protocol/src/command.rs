@@ -27,7 +27,7 @@ use crate::units::{AngleQ, DampingQ, StiffnessQ, TorqueQ};
 /// bit  0  switch on              bit  4  thumb as a spring at its tip (0: joint by joint)
 ///      1  enable voltage              7  reset a fault, on its rising edge
 ///      2  0 is a quick stop        8-11  fingers that take part, bit 8 + FingerId
-///      3  enable operation
+///      3  enable operation         12  positions are those of segments, not of the set-point
 /// ```
 ///
 /// The other bits must be 0: a hand that does not know one refuses the set-point.
@@ -50,8 +50,9 @@ impl ControlWord {
 
     const THUMB_IMPEDANCE: u16 = 0x10;
     const FINGER_SHIFT: u32 = 8;
+    const SEGMENTS: u16 = 0x1000;
     /// Bits that have a meaning.
-    const DEFINED: u16 = 0x0f9f;
+    const DEFINED: u16 = 0x1f9f;
 
     /// The word with these bits.
     ///
@@ -94,6 +95,18 @@ impl ControlWord {
     #[must_use]
     pub const fn thumb_impedance(self) -> bool {
         self.0 & Self::THUMB_IMPEDANCE != 0
+    }
+
+    /// With positions from [`Call::Segment`](crate::service::Call::Segment)s.
+    #[must_use]
+    pub const fn with_segments(self) -> Self {
+        Self(self.0 | Self::SEGMENTS)
+    }
+
+    /// Whether positions come from segments.
+    #[must_use]
+    pub const fn segments(self) -> bool {
+        self.0 & Self::SEGMENTS != 0
     }
 }
 

@@ -90,6 +90,14 @@ numbered! {
     NoStorage = 14, "the board stores no parameters";
     /// The flash failed.
     StorageFailed = 15, "the flash did not take the parameters";
+    /// Segments are followed only with torque, while the control word asks for them and the hand neither holds nor stops.
+    NoSegmentsNow = 16, "segments are not followed now";
+    /// No room for a segment.
+    SegmentsFull = 17, "no more segments can wait";
+    /// A segment that does not follow the one before; the first, and the first after a hold or a stop, replaces.
+    SegmentMissing = 18, "a segment before this one is missing";
+    /// A segment's time is less than a blend, more than a minute, or too little for its way.
+    SegmentTime = 19, "the segment is too short, too long or too fast";
 }
 
 numbered! {

@@ -58,6 +58,12 @@ const _: () = assert!(STUFFED_MAX <= 254 && FRAME_MAX == STUFFED_MAX + 2);
 /// A table of 1 kB: on a Cortex-M4, 16 kB are no faster and none is eight times slower.
 const CRC_32C: Crc<u32, Table<1>> = Crc::<u32, Table<1>>::new(&CRC_32_ISCSI);
 
+/// CRC-32C (Castagnoli, as in iSCSI) of these bytes, as frames have it; other buses of the hand use the same.
+#[must_use]
+pub fn crc_32c(bytes: &[u8]) -> u32 {
+    CRC_32C.checksum(bytes)
+}
+
 /// Why a message cannot be framed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("a message of {len} bytes; a frame holds 1 to {MESSAGE_MAX}")]

@@ -13,7 +13,7 @@ use thiserror::Error;
 use crate::blackbox::Record;
 use crate::fault::{Code, Refusal};
 use crate::frame::{Counters, MESSAGE_MAX};
-use crate::ids::FINGER_COUNT;
+use crate::ids::{FINGER_COUNT, JOINT_COUNT};
 use crate::message::MessageKind;
 
 /// A value of a parameter; the variant is its type.
@@ -67,6 +67,18 @@ pub enum Call {
     ParameterSave,
     /// Put all parameters to their defaults, while no drive has torque; what is kept stays: [`Answer::Done`].
     ParameterDefaults,
+    /// Go on straight to these angles, in the time from the end of the segment before; corners are blended. Followed while the
+    /// control word [asks for it](crate::command::ControlWord::segments): [`Answer::Done`] when it waits.
+    Segment {
+        /// One more than that of the segment before; any if it replaces. The same number twice is the same segment.
+        number: u16,
+        /// Forget the segments before, also the one under way, and begin now.
+        replaces: bool,
+        /// Microseconds.
+        time_us: u32,
+        /// [`AngleQ`](crate::units::AngleQ)s.
+        position: [i16; JOINT_COUNT],
+    },
 }
 
 /// A call with the number by which its answer is known.

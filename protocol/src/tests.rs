@@ -116,9 +116,9 @@ fn every_byte_counts() {
             }
         }
     }
-    // Kind: one is right. Control word: 6 bits have a meaning in the low byte and 4 in the high one.
+    // Kind: one is right. Control word: 6 bits have a meaning in the low byte and 5 in the high one.
     let mut expected = [0; Setpoint::LEN];
-    (expected[0], expected[7], expected[8]) = (255, 192, 240);
+    (expected[0], expected[7], expected[8]) = (255, 192, 224);
     assert_eq!(refused, expected);
     let golden = encoded_state(&hand_state());
     let mut refused = [0; HandState::LEN];
@@ -171,4 +171,6 @@ fn a_control_word_is_its_parts() {
     assert_eq!((word.fingers(), word.thumb_impedance()), (fingers, true));
     assert_eq!(word.with_fingers(FingerSet::ALL).fingers(), FingerSet::ALL);
     assert!(!ControlWord::FAULT_RESET.thumb_impedance());
+    assert_eq!(word.with_segments().bits(), 0x151f);
+    assert!(word.with_segments().segments() && !word.segments());
 }

@@ -2,12 +2,15 @@
 
 use protocol::blackbox::Record;
 use protocol::fault::{Code, Refusal};
-use protocol::ids::JointId;
+use protocol::ids::{JOINT_COUNT, JointId};
 use protocol::service::{Answer, BlackBox, Call, Hello, Reply, Request};
 use protocol::telemetry::JointSet;
+use protocol::units::AngleQ;
 
 use super::Controller;
+use crate::control::segments::{Segment, SegmentError};
 use crate::parameters::{self, Parameters};
+use crate::safety::Mode;
 
 /// A strain gauge's reading beyond this is a load, not an offset.
 const ZERO_MAX_NM: f32 = 0.2;
@@ -16,7 +19,7 @@ impl Controller {
     /// Answers the request that waits, if one does.
     pub fn serve(&mut self) {
         // The state comes before the reply, as they were asked for.
-        self.report_if_due();
+        self.report();
         let Some(request) = self.session.take_request() else { return };
         let mut record = [0; Record::LEN];
         let answer = match self.answer(&request, &mut record) {
@@ -86,7 +89,49 @@ impl Controller {
                 self.set_parameters(&Parameters::default());
                 Answer::Done
             }
+            Call::Segment { number, replaces, time_us, position } => {
+                self.segment(number, replaces, time_us, position)?;
+                Answer::Done
+            }
         }))
+    }
+
+    /// Whether the mechanism lets a joint have this angle.
+    #[inline(never)]
+    fn reaches(&self, joint: JointId, angle_rad: f32) -> bool {
+        self.settings.control.limits.range(joint).contains(angle_rad)
+    }
+
+    /// Takes a segment, or one that it has taken already.
+    fn segment(
+        &mut self,
+        number: u16,
+        replaces: bool,
+        time_us: u32,
+        position: [i16; JOINT_COUNT],
+    ) -> Result<(), Refusal> {
+        let modes = &self.last.modes;
+        let follows =
+            modes.contains(&Mode::Follow) && !modes.contains(&Mode::Hold) && !modes.contains(&Mode::Stop);
+        if !follows || !self.supervisor.word().segments() {
+            return Err(Refusal::NoSegmentsNow);
+        } else if self.segment == Some(number) {
+            return Ok(());
+        } else if !replaces && self.segment.map(|last| last.wrapping_add(1)) != Some(number) {
+            return Err(Refusal::SegmentMissing);
+        }
+        let segment = Segment { goal_rad: position.map(|digits| AngleQ(digits).to_rad()), time_us };
+        for (joint, goal_rad) in JointId::ALL.into_iter().zip(segment.goal_rad) {
+            if !self.reaches(joint, goal_rad) {
+                return Err(Refusal::OutOfRange);
+            }
+        }
+        match self.follower.add_segment(&self.settings.target, &segment, replaces) {
+            Ok(()) => self.segment = Some(number),
+            Err(SegmentError::Full) => return Err(Refusal::SegmentsFull),
+            Err(SegmentError::Time) => return Err(Refusal::SegmentTime),
+        }
+        Ok(())
     }
 
     /// Takes the present readings of these strain gauges as zero; all of them or none.

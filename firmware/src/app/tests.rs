@@ -5,8 +5,10 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 use protocol::command::{ControlWord, Setpoint};
-use protocol::frame::{FRAME_MAX, Framer};
+use protocol::frame::{Deframer, FRAME_MAX, Framer, MESSAGE_MAX};
 use protocol::ids::FingerJoint;
+use protocol::service::{Call, Request};
+use protocol::units::AngleQ;
 
 use super::*;
 
@@ -103,11 +105,11 @@ proptest! {
                     message.resize(Setpoint::LEN, 0x5a);
                     message[0] = 0x01;
                     // No bits that would have it refused.
-                    (message[7], message[8]) = (message[7] & 0x9f, message[8] & 0x0f);
+                    (message[7], message[8]) = (message[7] & 0x9f, message[8] & 0x1f);
                     hand.receive(&framed(&mut framer, &message));
                 }
                 2 => {
-                    message.splice(..1, [0x02, 1, odd % 9]);
+                    message.splice(..1, [0x02, 1, odd % 11]);
                     message.truncate(200);
                     hand.receive(&framed(&mut framer, &message));
                 }
@@ -182,4 +184,157 @@ fn a_tip_that_slips_is_told_and_the_thumb_presses_harder_until_it_lets_go() {
         last = pass(&mut hand, word, &bent, seq);
     }
     assert!(last[flexion].abs() < 0.01, "{last:?}");
+}
+
+/// A hand whose set-points come, and that is asked.
+struct Asked {
+    hand: Controller,
+    framer: Framer,
+    heard: Deframer,
+    now_us: u32,
+    seq: u16,
+    targets: Vec<[f32; JOINT_COUNT]>,
+}
+
+impl Asked {
+    fn new() -> Self {
+        let (framer, heard) = (Framer::default(), Deframer::default());
+        Self { hand: controller(), framer, heard, now_us: 0, seq: 0, targets: vec![] }
+    }
+
+    /// A period with a set-point.
+    fn pass(&mut self, word: ControlWord) {
+        self.hand.receive(&framed(&mut self.framer, &setpoint(self.seq, word)));
+        self.seq = self.seq.wrapping_add(1);
+        self.period();
+    }
+
+    fn period(&mut self) {
+        self.now_us += PERIOD_US;
+        // A hand that follows, with noise, as of any sensor.
+        let noise = 1e-5 * (self.now_us / PERIOD_US % 7) as f32;
+        let mut sensors = sensors(0.1);
+        if let Some(target) = self.targets.last() {
+            sensors.position_rad = target.map(|target_rad| target_rad + noise);
+        }
+        sensors.joint_torque_nm = [noise; JOINT_COUNT];
+        assert_sane(&self.hand.tick(self.now_us, &sensors));
+        self.hand.transmit(&mut [0; 1024]);
+        self.targets.push(self.hand.last.excitation.target_rad);
+    }
+
+    fn switch_on(&mut self) {
+        for word in [ControlWord::DISABLE_VOLTAGE, ControlWord::SHUTDOWN, ControlWord::SWITCH_ON, SEGMENTS] {
+            self.pass(word);
+        }
+    }
+
+    /// The refusal, if it is one.
+    fn ask(&mut self, number: u16, replaces: bool, time_us: u32, angle_rad: f32) -> Option<Refusal> {
+        let position = [AngleQ::from_rad(angle_rad).expect("a number").0; JOINT_COUNT];
+        let request = Request { id: 1, call: Call::Segment { number, replaces, time_us, position } };
+        let mut buffer = [0; MESSAGE_MAX];
+        let message = request.encode(&mut buffer).expect("it fits");
+        self.hand.receive(&framed(&mut self.framer, message));
+        self.hand.serve();
+        let mut room = [0; 1024];
+        let len = self.hand.transmit(&mut room);
+        let mut bytes = &room[..len];
+        let mut answer = None;
+        while let Some(frame) = self.heard.receive(&mut bytes) {
+            if let Ok(reply) = Reply::decode(frame.message) {
+                answer = match reply.answer {
+                    Answer::Done => Some(None),
+                    Answer::Refused(code) => Some(Refusal::from_number(code.0)),
+                    other => panic!("{other:?}"),
+                };
+            }
+        }
+        answer.expect("an answer")
+    }
+}
+
+const SEGMENTS: ControlWord = ControlWord::ENABLE_OPERATION.with_segments();
+
+#[test]
+fn segments_are_followed_without_a_step_whenever_they_come() {
+    let mut asked = Asked::new();
+    assert_eq!(asked.ask(1, true, 200_000, 0.2), Some(Refusal::NoSegmentsNow), "no torque");
+    asked.switch_on();
+    assert_eq!(asked.ask(1, false, 200_000, 0.2), Some(Refusal::SegmentMissing), "nothing to follow");
+    assert_eq!(asked.ask(1, true, 200_000, 0.2), None);
+    for _ in 0..800 {
+        asked.pass(SEGMENTS);
+    }
+    assert_eq!(asked.ask(1, true, 200_000, 0.2), None, "the same once more");
+    assert_eq!(asked.ask(2, false, 100_000, 0.15), None);
+    assert_eq!(asked.ask(4, false, 100_000, 0.15), Some(Refusal::SegmentMissing));
+    assert_eq!(asked.ask(3, false, 10_000, 0.15), Some(Refusal::SegmentTime), "shorter than a blend");
+    assert_eq!(asked.ask(3, false, 50_000, 0.32), Some(Refusal::SegmentTime), "3.4 rad/s");
+    assert_eq!(asked.ask(3, false, 900_000, -1.5), Some(Refusal::OutOfRange));
+    // While the last blend comes to rest.
+    for _ in 0..1650 {
+        asked.pass(SEGMENTS);
+    }
+    assert_eq!(asked.ask(3, false, 100_000, 0.05), None);
+    for _ in 0..300 {
+        asked.pass(SEGMENTS);
+    }
+    assert_eq!(asked.ask(9, true, 200_000, 0.1), None, "in the midst of a blend");
+    for _ in 0..2200 {
+        asked.pass(SEGMENTS);
+    }
+    let first = asked.targets.iter().position(|target| target[5] != asked.targets[0][5]).expect("it moves");
+    let moving = &asked.targets[first.saturating_sub(1)..];
+    let at = |i: usize, joint: usize| f64::from(moving[i][joint]);
+    for joint in 0..JOINT_COUNT {
+        for i in 1..moving.len() - 1 {
+            let speed = (at(i, joint) - at(i - 1, joint)) / 125e-6;
+            // 0.1 rad in 0.1 s, and what an acceleration carries beyond; noise of the angle where torque came on.
+            assert!(speed.abs() < 1.5, "{i} {joint}: {speed}");
+        }
+    }
+    let goal_rad = AngleQ::from_rad(0.1).expect("a number").to_rad();
+    assert_eq!(moving.last(), Some(&[goal_rad; JOINT_COUNT]));
+    let farthest = moving.iter().map(|target| target[5]).fold(0.0, f32::max);
+    assert!((0.19..=0.2001).contains(&farthest), "the first one is reached: {farthest}");
+}
+
+#[test]
+fn segments_end_with_a_hold_and_a_new_one_must_replace() {
+    let mut asked = Asked::new();
+    asked.switch_on();
+    assert_eq!(asked.ask(1, true, 500_000, 0.3), None);
+    for number in 2..10 {
+        assert_eq!(asked.ask(number, false, 100_000, 0.3), None);
+    }
+    assert_eq!(asked.ask(10, false, 100_000, 0.3), Some(Refusal::SegmentsFull));
+    for _ in 0..1000 {
+        asked.pass(SEGMENTS);
+    }
+    for _ in 0..100 {
+        asked.period();
+    }
+    assert_eq!(asked.hand.supervisor.tier(), BusTier::Hold);
+    assert_eq!(asked.ask(10, false, 100_000, 0.3), Some(Refusal::NoSegmentsNow));
+    asked.pass(SEGMENTS);
+    let held = asked.targets[asked.targets.len() - 1];
+    for _ in 0..100 {
+        asked.pass(SEGMENTS);
+    }
+    assert_eq!(asked.targets.last(), Some(&held), "nothing is left of the old ones");
+    assert_eq!(asked.ask(10, false, 100_000, 0.3), Some(Refusal::SegmentMissing));
+    assert_eq!(asked.ask(10, true, 500_000, 0.3), None);
+    // Without the bit the set-point's angles count, evenly and no faster than a joint may.
+    for _ in 0..1000 {
+        asked.pass(SEGMENTS);
+    }
+    let before = asked.targets[asked.targets.len() - 1];
+    for _ in 0..8000 {
+        asked.pass(ControlWord::ENABLE_OPERATION);
+    }
+    assert!(before[5] > 0.12, "{before:?}");
+    assert_eq!(asked.targets.last(), Some(&[0.0; JOINT_COUNT]));
+    asked.pass(SEGMENTS);
+    assert_eq!(asked.ask(11, false, 500_000, 0.3), Some(Refusal::SegmentMissing), "they begin anew");
 }

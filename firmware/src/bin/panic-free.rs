@@ -10,11 +10,15 @@ use core::panic::PanicInfo;
 use cortex_m as _; // its critical section
 use cortex_m_rt::entry;
 use firmware::app::{Controller, Identity};
+use firmware::clock::PeriodClock;
 use firmware::control::Sensors;
+use firmware::finger_bus::{FingerBus, LEN};
+use firmware::line::RingReader;
 use protocol::bench::{FromBoard, ToBoard};
 use protocol::blackbox::Record;
 use protocol::command::Setpoint;
 use protocol::frame::{Deframer, FRAME_MAX, Framer, MESSAGE_MAX};
+use protocol::ids::FINGER_COUNT;
 use protocol::service::{LogRecord, Reply, Request};
 use protocol::telemetry::HandState;
 
@@ -27,6 +31,15 @@ unsafe extern "C" {
 fn panic(_: &PanicInfo<'_>) -> ! {
     // SAFETY: an image with this call in it does not link.
     unsafe { a_panic_is_reachable() }
+}
+
+/// All that a board with fingers calls once a control period around the controller.
+fn exchange(hand: &mut Controller, fingers: &mut FingerBus, clock: &mut PeriodClock, ring: &mut RingReader) {
+    let (mut commands, replies) = ([[0; LEN]; FINGER_COUNT], black_box([[0; LEN]; FINGER_COUNT]));
+    fingers.take(&replies);
+    let output = hand.tick(clock.step(black_box(0)), fingers.sensors());
+    fingers.command(Some(&output), &mut commands);
+    black_box((commands, fingers.present(), *fingers.counters(), ring.take(black_box(7))));
 }
 
 /// All that a board calls once a control period.
@@ -53,6 +66,8 @@ fn main() -> ! {
     let (mut framer, mut deframer) = (Framer::default(), Deframer::default());
     let (mut buffer, mut wire) = ([0; MESSAGE_MAX], [0; FRAME_MAX]);
     let mut hand = Controller::new(Identity { board: "none", period_us: 125, has_storage: true });
+    let (mut fingers, mut clock) = (FingerBus::default(), PeriodClock::new(125, 0));
+    let mut ring = RingReader::new(1024);
     loop {
         let mut bytes: &[u8] = black_box(&[0; 64][..]);
         while let Some(frame) = deframer.receive(&mut bytes) {
@@ -88,5 +103,6 @@ fn main() -> ! {
         black_box(FromBoard::default()).encode(&mut from);
         black_box(from);
         control_period(black_box(&mut hand));
+        exchange(black_box(&mut hand), black_box(&mut fingers), black_box(&mut clock), black_box(&mut ring));
     }
 }

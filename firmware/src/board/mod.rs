@@ -2,3 +2,10 @@
 
 #[cfg(feature = "mps2-an386")]
 pub mod mps2_an386;
+
+#[cfg(feature = "_stm32")]
+pub mod stm32;
+#[cfg(feature = "stm32g474")]
+pub mod stm32g474;
+#[cfg(feature = "stm32h563")]
+pub mod stm32h563;

@@ -6,6 +6,8 @@ pub mod friction;
 pub mod impedance;
 pub mod limits;
 pub mod pd;
+pub mod quintic;
+pub mod segments;
 pub mod slip;
 mod tick;
 pub mod transition;

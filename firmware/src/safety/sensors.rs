@@ -85,7 +85,7 @@ struct Still {
     bits: u32,
     /// How long it has been the same.
     us: u32,
-    /// Least and most of the cause in that time.
+    /// Least and most of the cause since it was the same for the first time.
     low: f32,
     high: f32,
 }
@@ -101,8 +101,12 @@ impl Still {
     fn step(&mut self, reading: f32, cause: f32, elapsed_us: u32) -> bool {
         let bits = reading.to_bits();
         if bits != self.bits {
-            *self = Self { bits, us: 0, low: cause, high: cause };
+            (self.bits, self.us) = (bits, 0);
             return false;
+        }
+        if self.us == 0 {
+            // Only here, for nearly always the reading is another one.
+            (self.low, self.high) = (cause, cause);
         }
         self.us = self.us.saturating_add(elapsed_us);
         // Comparisons, for `min` and `max` are calls on the target.

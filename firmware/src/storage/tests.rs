@@ -10,12 +10,16 @@ use embedded_storage_async::nor_flash::{ErrorType, NorFlashError, NorFlashErrorK
 use super::*;
 use crate::parameters::Parameter;
 
-const PAGE: usize = 2048;
 const PAGES: usize = 2;
 
-/// What outlasts the power supply, and how many more bytes it lives.
+/// What outlasts the power supply, and how many more bytes it lives: a flash with words of `WORD` bytes and pages of `PAGE`.
 #[derive(Clone)]
-struct Chip(Rc<RefCell<(Vec<u8>, usize)>>);
+struct Flash<const WORD: usize, const PAGE: usize>(Rc<RefCell<(Vec<u8>, usize)>>);
+
+/// As the STM32G474.
+type Chip = Flash<8, 2048>;
+/// As the STM32H563.
+type LargeChip = Flash<16, 8192>;
 
 #[derive(Debug)]
 struct NoPower;
@@ -26,7 +30,7 @@ impl NorFlashError for NoPower {
     }
 }
 
-impl Chip {
+impl<const WORD: usize, const PAGE: usize> Flash<WORD, PAGE> {
     fn new() -> Self {
         Self(Rc::new(RefCell::new((vec![0xff; PAGE * PAGES], usize::MAX))))
     }
@@ -42,11 +46,11 @@ impl Chip {
     }
 }
 
-impl ErrorType for Chip {
+impl<const WORD: usize, const PAGE: usize> ErrorType for Flash<WORD, PAGE> {
     type Error = NoPower;
 }
 
-impl ReadNorFlash for Chip {
+impl<const WORD: usize, const PAGE: usize> ReadNorFlash for Flash<WORD, PAGE> {
     const READ_SIZE: usize = 1;
 
     async fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), NoPower> {
@@ -60,8 +64,8 @@ impl ReadNorFlash for Chip {
     }
 }
 
-impl NorFlash for Chip {
-    const WRITE_SIZE: usize = 8;
+impl<const WORD: usize, const PAGE: usize> NorFlash for Flash<WORD, PAGE> {
+    const WRITE_SIZE: usize = WORD;
     const ERASE_SIZE: usize = PAGE;
 
     async fn erase(&mut self, from: u32, to: u32) -> Result<(), NoPower> {
@@ -73,12 +77,13 @@ impl NorFlash for Chip {
     }
 
     async fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), NoPower> {
-        assert!(offset.is_multiple_of(8) && bytes.len().is_multiple_of(8));
+        assert!((offset as usize).is_multiple_of(WORD) && bytes.len().is_multiple_of(WORD));
         // A word is written whole or not at all, as by a controller that checks it by a code.
-        for (at, word) in (offset as usize..).step_by(8).zip(bytes.chunks(8)) {
-            self.spend(8)?;
-            let place = &mut self.0.borrow_mut().0[at..at + 8];
-            assert!(place == [0xff; 8] || word == [0; 8], "written twice without being erased");
+        for (at, word) in (offset as usize..).step_by(WORD).zip(bytes.chunks(WORD)) {
+            self.spend(WORD)?;
+            let place = &mut self.0.borrow_mut().0[at..at + WORD];
+            // Some chips would let a word become zeros; the STM32H563 lets none be written twice.
+            assert!(place == [0xff; WORD], "written twice without being erased");
             place.copy_from_slice(word);
         }
         Ok(())
@@ -109,6 +114,16 @@ fn what_is_saved_is_there_after_a_restart() {
 #[test]
 fn pages_go_around() {
     let chip = Chip::new();
+    for i in 0..2000 {
+        let parameters = changed(0.001 * i as f32);
+        Storage::new(chip.clone()).expect("two pages").save(&parameters).expect("room");
+        assert_eq!(Storage::new(chip.clone()).expect("two pages").load(), Ok(parameters), "{i}");
+    }
+}
+
+#[test]
+fn long_words_and_large_pages_do_as_well() {
+    let chip = LargeChip::new();
     for i in 0..2000 {
         let parameters = changed(0.001 * i as f32);
         Storage::new(chip.clone()).expect("two pages").save(&parameters).expect("room");

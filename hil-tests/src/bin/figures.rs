@@ -1,5 +1,5 @@
-//! `cargo run --release -p hil-tests --bin figures [-- --json]` prints what the firmware image costs and how its frames stand
-//! damage.
+//! `cargo run --release -p hil-tests --bin figures [-- --json]` prints what the firmware image costs, how large the images of
+//! the other boards are, and how frames stand damage.
 
 use std::process::ExitCode;
 
@@ -16,6 +16,10 @@ const FRAMES: u64 = 10_000_000;
 struct Report {
     #[serde(flatten)]
     figures: Figures,
+    stm32g474_flash_bytes: u64,
+    stm32g474_ram_bytes: u64,
+    stm32h563_flash_bytes: u64,
+    stm32h563_ram_bytes: u64,
     corrupted_tried: u64,
     corrupted_accepted: u64,
     resynchronised: u64,
@@ -42,8 +46,19 @@ fn main() -> ExitCode {
 
 fn report() -> Result<Report, Box<dyn std::error::Error>> {
     let figures = figures::measure(&image::build("mps2-an386")?)?;
+    let [stm32g474_flash_bytes, stm32g474_ram_bytes] = figures::elf_bytes(&image::build("stm32g474")?)?;
+    let [stm32h563_flash_bytes, stm32h563_ram_bytes] = figures::elf_bytes(&image::build("stm32h563")?)?;
     let Outcome { tried, accepted, resynchronised } = corruption::campaign(1, FRAMES);
-    Ok(Report { figures, corrupted_tried: tried, corrupted_accepted: accepted, resynchronised })
+    Ok(Report {
+        figures,
+        stm32g474_flash_bytes,
+        stm32g474_ram_bytes,
+        stm32h563_flash_bytes,
+        stm32h563_ram_bytes,
+        corrupted_tried: tried,
+        corrupted_accepted: accepted,
+        resynchronised,
+    })
 }
 
 fn print(report: &Report, json: bool) -> ExitCode {
@@ -54,7 +69,7 @@ fn print(report: &Report, json: bool) -> ExitCode {
         println!("{}", serde_json::Value::Object(fields));
     } else {
         for (name, number) in &fields {
-            println!("{name:<28} {number:>10}");
+            println!("{name:<30} {number:>10}");
         }
     }
     ExitCode::SUCCESS

@@ -9,7 +9,7 @@ use proptest::prelude::*;
 use super::*;
 use crate::tests::assert_golden_text;
 
-const CALLS: [Call; 10] = [
+const CALLS: [Call; 11] = [
     Call::Hello,
     Call::ParameterInfo { index: 1 },
     Call::ParameterGet { index: 300 },
@@ -20,6 +20,12 @@ const CALLS: [Call; 10] = [
     Call::Link,
     Call::ParameterSave,
     Call::ParameterDefaults,
+    Call::Segment {
+        number: 7,
+        replaces: true,
+        time_us: 250_000,
+        position: [0x0102, -1, 2, -3, 4, -5, 6, -7, 8, -9, 10, -11, 0x7fff],
+    },
 ];
 
 const FIRST_FAULT: FirstFault = FirstFault { code: Code(36), finger: Some(2), t_us: 0x0102_0304 };
@@ -150,7 +156,7 @@ proptest! {
     #[test]
     fn any_bytes_are_read_or_refused(
         kind in prop_oneof![Just(0x02_u8), Just(0x82), Just(0x83), any::<u8>()],
-        variant in 0_u8..10,
+        variant in 0_u8..11,
         rest in proptest::collection::vec(any::<u8>(), 0..MESSAGE_MAX - 3),
     ) {
         let mut bytes = std::vec![kind, 1, variant];

@@ -9,8 +9,13 @@ use thiserror::Error;
 
 /// What a board is flashed with.
 const PROFILE: &str = "firmware";
-/// The target of every board.
-const TARGET: &str = "thumbv7em-none-eabihf";
+/// The target of a board.
+fn target(board: &str) -> &'static str {
+    match board {
+        "stm32h563" => "thumbv8m.main-none-eabihf",
+        _ => "thumbv7em-none-eabihf",
+    }
+}
 
 /// Why there is no image.
 #[derive(Debug, Error)]
@@ -24,7 +29,7 @@ pub enum ImageError {
         source: io::Error,
     },
     /// The build failed.
-    #[error("building the {board} image: {status} (is the {TARGET} target installed?)\n{messages}")]
+    #[error("building the {board} image: {status} (is the {} target installed?)\n{messages}", target(.board))]
     Build {
         /// Feature and binary of the board.
         board: String,
@@ -59,7 +64,7 @@ pub fn build(board: &str) -> Result<PathBuf, ImageError> {
             "--profile",
             PROFILE,
             "--target",
-            TARGET,
+            target(board),
             "--message-format",
             "json-render-diagnostics",
         ])
