@@ -140,7 +140,8 @@ mod tests {
             let [y, z] = fit.arc.center_m;
             assert!((y - 0.005).abs() < 3e-5 && (z - 0.210).abs() < 5e-5, "{:?}", fit.arc);
             assert!((fit.arc.radius_m - 0.018).abs() < 5e-5);
-            assert_eq!(fit.points_m.len(), 27);
+            // All 27 of the ball, and at most where it meets the table two more.
+            assert!((27..=29).contains(&fit.points_m.len()));
         }
     }
 

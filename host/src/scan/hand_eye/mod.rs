@@ -11,6 +11,7 @@
 //! The scanner frame is that of [`super::instrument`]: profiles lie in its plane x = 0.
 mod arc;
 mod capture;
+mod cell;
 mod error;
 mod file;
 mod leave_out;
@@ -25,6 +26,7 @@ mod verify;
 
 pub use arc::{Arc, ArcFit, fit_arc};
 pub use capture::{FoundProfiles, sphere_profiles};
+pub use cell::{ball, ball_sweeps, displaced_mount};
 pub use error::HandEyeError;
 pub use file::{MountFile, MountFileError};
 pub use leave_out::{LeaveOneOut, LeftOut};

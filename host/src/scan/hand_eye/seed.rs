@@ -11,10 +11,13 @@
 //! which is linear in a, b, p and c once `e h` is known. First h is taken for zero, which is right in the mean over a
 //! sweep across the sphere; the two axes found are brought to right angles (Procrustes), and the mount tells on which
 //! side of the plane each centre lies. That is repeated until the sides stay the same.
+//!
+//! Where the ball was always at the same depth, b and p are not told apart before the axes are made orthogonal, and the
+//! result may be far off: [`placed`] then begins from any orientation.
 
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix3, Matrix3x2, Point3, Rotation3, SymmetricEigen, Translation3,
-    UnitQuaternion, Vector3,
+    UnitQuaternion, Vector2, Vector3,
 };
 
 use super::arc::{Arc, fit_arc};
@@ -35,6 +38,8 @@ pub(super) struct Cut {
 const CENTER_NOISE_M: f64 = 0.0005;
 /// Turns of the palm about other axes than one, below which the mount cannot be told.
 const LEAST_SPREAD_RAD: f64 = 0.05;
+/// Spread of the ball's places in the field below which a turn about the motion is not told.
+const LEAST_FIELD_M: f64 = 0.001;
 const MAX_ROUNDS: u32 = 20;
 /// The largest cut of so many is taken for the equator's; noise makes some larger.
 const EQUATOR_SHARE: f64 = 0.95;
@@ -42,9 +47,12 @@ const EQUATOR_SHARE: f64 = 0.95;
 /// The mount that fits profiles of spheres, without knowing anything of it before.
 ///
 /// # Errors
-/// [`HandEyeError::NoSphere`], [`HandEyeError::NoRotation`], and [`HandEyeError::NoStart`] without spheres.
+/// [`HandEyeError::NoSphere`], [`HandEyeError::NoRotation`], [`HandEyeError::SamePlace`], and [`HandEyeError::NoStart`]
+/// without spheres.
 pub fn seed(targets: &[Target], profiles: &[Profile]) -> Result<Isometry3<f64>, HandEyeError> {
-    from_cuts(targets, &cuts(targets, profiles)?)
+    let cuts = cuts(targets, profiles)?;
+    check_poses(targets.len(), &cuts)?;
+    Ok(from_cuts(targets, &cuts))
 }
 
 /// All circles; every sphere has some.
@@ -74,11 +82,9 @@ pub(super) fn cuts(targets: &[Target], profiles: &[Profile]) -> Result<Vec<Cut>,
     if cuts.is_empty() { Err(HandEyeError::NoStart) } else { Ok(cuts) }
 }
 
-pub(super) fn from_cuts(targets: &[Target], cuts: &[Cut]) -> Result<Isometry3<f64>, HandEyeError> {
-    check_rotation(targets.len(), cuts)?;
+pub(super) fn from_cuts(targets: &[Target], cuts: &[Cut]) -> Isometry3<f64> {
     let mut sides = vec![0.0; cuts.len()];
-    let mut weights: Vec<f64> =
-        cuts.iter().map(|cut| 1.0 / (CENTER_NOISE_M.powi(2) + cut.height_m.powi(2))).collect();
+    let mut weights: Vec<f64> = cuts.iter().map(equator_weight).collect();
     let mut rotation = Matrix3::identity();
     let mut mount = Isometry3::identity();
     for round in 0..MAX_ROUNDS {
@@ -115,7 +121,31 @@ pub(super) fn from_cuts(targets: &[Target], cuts: &[Cut]) -> Result<Isometry3<f6
             *weight = 1.0 / (typical_m * typical_m + off.norm_squared());
         }
     }
-    Ok(mount)
+    mount
+}
+
+/// The mount of a given orientation whose origin fits the cuts, each taken for a cut through the middle.
+pub(super) fn placed(targets: &[Target], cuts: &[Cut], rotation: &UnitQuaternion<f64>) -> Isometry3<f64> {
+    let sides = vec![0.0; cuts.len()];
+    let weights: Vec<f64> = cuts.iter().map(equator_weight).collect();
+    let axes = rotation.to_rotation_matrix().into_inner();
+    let origin = solve(targets.len(), cuts, &sides, &weights, &axes, false).origin;
+    Isometry3::from_parts(Translation3::from(origin), *rotation)
+}
+
+/// How much a cut's own centre tells of the sphere's.
+fn equator_weight(cut: &Cut) -> f64 {
+    1.0 / (CENTER_NOISE_M.powi(2) + cut.height_m.powi(2))
+}
+
+/// Which motions are missing.
+pub(super) fn check_poses(targets: usize, cuts: &[Cut]) -> Result<(), HandEyeError> {
+    check_rotation(targets, cuts)?;
+    let places = || cuts.iter().map(|cut| Vector2::from(cut.arc.center_m));
+    let count = cuts.len().max(1) as f64;
+    let middle = places().sum::<Vector2<f64>>() / count;
+    let spread_m = (places().map(|place| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
+    if spread_m < LEAST_FIELD_M { Err(HandEyeError::SamePlace { spread_m }) } else { Ok(()) }
 }
 
 /// Which turns of the palm are missing. With one orientation R alone, a shift of the mount by d and of the centre by R d
@@ -222,13 +252,12 @@ pub(super) fn located(
         Target::Sphere { radius_m } => {
             // Cuts near the equator, whose centres are the sphere's.
             let own = || cuts.iter().filter(|cut| cut.target == index);
-            let weight = |cut: &Cut| 1.0 / (CENTER_NOISE_M.powi(2) + cut.height_m.powi(2));
             let center = |cut: &Cut| {
                 let [y, z] = cut.arc.center_m;
                 (cut.base_from_palm * (palm_from_scanner * Point3::new(0.0, y, z))).coords
             };
-            let total: f64 = own().map(weight).sum();
-            let sum: Vector3<f64> = own().map(|cut| center(cut) * weight(cut)).sum();
+            let total: f64 = own().map(equator_weight).sum();
+            let sum: Vector3<f64> = own().map(|cut| center(cut) * equator_weight(cut)).sum();
             let equator_m = own().map(|cut| cut.arc.radius_m.hypot(cut.height_m)).fold(0.0, f64::max);
             Located::Sphere { center_m: Point3::from(sum / total), radius_m: radius_m.unwrap_or(equator_m) }
         }

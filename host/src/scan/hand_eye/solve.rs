@@ -1,12 +1,15 @@
 //! From profiles to the mount: seed, robust refinement of everything together, checks.
 
-use nalgebra::{DVector, Isometry3, Vector3};
+use std::f64::consts::FRAC_PI_2;
+
+use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
 
 use super::error::HandEyeError;
 use super::leave_out::{LeaveOneOut, groups, leave_one_out};
 use super::loss::Loss;
 use super::problem::{Free, LENGTH_M, Located, Problem, State, residuals_of};
-use super::seed::{cuts, from_cuts, located};
+use super::seed::{check_poses, cuts, from_cuts, located, placed};
 use super::uncertainty::{Uncertainty, WeakDirection, covariance};
 use super::{Profile, Target};
 use crate::scan::levenberg::{Levenberg, Step};
@@ -80,20 +83,32 @@ pub fn calibrate_mount(
         Err(HandEyeError::NoStart) if start.is_some() => Vec::new(),
         cuts => cuts?,
     };
-    let start = match start {
-        Some(start) => *start,
-        None => from_cuts(targets, &cuts)?,
-    };
-    let state = located(targets, profiles, &cuts, start);
     // The radii first say for themselves what they are.
     let free = Free { mount: true, radii: true };
-    let (state, loss) = refined(targets, profiles, state, free);
-    let noise_m = Problem::scale_m(profiles, &state);
+    let from = |start: Isometry3<f64>| {
+        let (state, loss) = refined(targets, profiles, located(targets, profiles, &cuts, start), free);
+        (Problem::scale_m(profiles, &state), state, loss)
+    };
+    let (mut noise_m, mut state, mut loss) = match start {
+        Some(start) => from(*start),
+        None => {
+            check_poses(targets.len(), &cuts)?;
+            from(from_cuts(targets, &cuts))
+        }
+    };
+    if start.is_none() && noise_m > LARGEST_NOISE_M {
+        let turns = cube_rotations();
+        let found: Vec<_> = turns.par_iter().map(|turn| from(placed(targets, &cuts, turn))).collect();
+        for other in found {
+            if other.0 < noise_m {
+                (noise_m, state, loss) = other;
+            }
+        }
+    }
     if noise_m > LARGEST_NOISE_M {
         return Err(HandEyeError::Inconsistent { noise_m });
     }
     let measured_radii_m = measured_radii(targets, profiles, &state, loss)?;
-    let mut state = state;
     for (target, located) in targets.iter().zip(&mut state.targets) {
         if let (Target::Sphere { radius_m: Some(given) }, Located::Sphere { radius_m, .. }) =
             (target, located)
@@ -121,6 +136,16 @@ pub fn calibrate_mount(
         leave_one_out: leave_one_out(targets, profiles, &state, loss),
         targets: state.targets,
     })
+}
+
+/// The 24 rotations that bring a cube's edges onto its edges: none is farther than 63 degrees from one of them.
+fn cube_rotations() -> Vec<UnitQuaternion<f64>> {
+    let quarter = |axis: Vector3<f64>, times: u32| {
+        UnitQuaternion::from_scaled_axis(axis * (f64::from(times) * FRAC_PI_2))
+    };
+    let faces = (0..4).map(|times| quarter(Vector3::x(), times));
+    let faces = faces.chain([1, 3].map(|times| quarter(Vector3::y(), times)));
+    faces.flat_map(|face| (0..4).map(move |times| face * quarter(Vector3::z(), times))).collect()
 }
 
 fn check(targets: &[Target], profiles: &[Profile]) -> Result<(), HandEyeError> {

@@ -26,6 +26,8 @@ struct Views {
     /// And of what it says of a whole sweep.
     sweep_noise_m: f64,
     outlier_share: f64,
+    /// Azimuth, tilt and roll of all views; otherwise each has its own.
+    fixed_rad: Option<[f64; 3]>,
 }
 
 const VIEWS: Views = Views {
@@ -36,6 +38,7 @@ const VIEWS: Views = Views {
     arm_noise_m: 0.0,
     sweep_noise_m: 0.0,
     outlier_share: 0.0,
+    fixed_rad: None,
 };
 
 const RADIUS_M: f64 = 0.020;
@@ -106,9 +109,10 @@ fn sweeps(
     let instrument = Instrument::default();
     let mut profiles = Vec::new();
     for sweep in 0..views.sweeps {
-        let azimuth = rng.random_range(0.0..TAU);
         let tilt = views.tilt_rad * rng.random_range(0.0..1.0_f64).sqrt();
-        let rotation = looking(azimuth, tilt, rng.random_range(-PI..PI));
+        let own = [rng.random_range(0.0..TAU), tilt, rng.random_range(-PI..PI)];
+        let [azimuth, tilt, roll] = views.fixed_rad.unwrap_or(own);
+        let rotation = looking(azimuth, tilt, roll);
         let [y, z] = views.aside_m.map(|aside| rng.random_range(-1.0..=1.0) * aside);
         let off = Vector3::from_fn(|_, _| views.sweep_noise_m * normal(rng));
         for frame in -20..=20 {
@@ -157,38 +161,334 @@ fn error(found: &Isometry3<f64>, truth: &Isometry3<f64>) -> nalgebra::Vector6<f6
 const KNOWN: [Target; 1] = [Target::Sphere { radius_m: Some(RADIUS_M) }];
 const UNKNOWN: [Target; 1] = [Target::Sphere { radius_m: None }];
 
+/// At most 0.1 mm and 0.03 degrees.
+#[track_caller]
+fn assert_near(found: &Isometry3<f64>, truth: &Isometry3<f64>, what: &dyn std::fmt::Debug) {
+    let [shift_m, turn_rad] = off(found, truth);
+    let turn_deg = turn_rad.to_degrees();
+    assert!(shift_m < 1e-4 && turn_deg < 0.03, "{what:?}: {:.3} mm, {turn_deg:.3} deg", shift_m * 1e3);
+}
+
+/// Any mount at all.
+fn any_mount(rng: &mut ChaCha8Rng) -> Isometry3<f64> {
+    let shift = moved_mount(rng, 0.1, 0.0).translation;
+    let turn = UnitQuaternion::from_scaled_axis(direction(rng) * rng.random_range(0.0..PI));
+    Isometry3::from_parts(shift, turn)
+}
+
 #[test]
 fn one_sphere_gives_the_mount_from_nothing() {
+    let mut worst = [0.0_f64; 4];
     for seed in 0..24 {
         let mut rng = rng(seed);
-        // Any mount at all.
-        let mut mount = moved_mount(&mut rng, 0.1, 0.0);
-        mount.rotation = UnitQuaternion::from_scaled_axis(direction(&mut rng) * rng.random_range(0.0..PI));
-        let outlier_share = if seed % 2 == 0 { 0.0 } else { 0.05 };
-        let views = Views { outlier_share, ..VIEWS };
-        let profiles = ball(&mount, &views, &mut rng);
-        for targets in [KNOWN, UNKNOWN] {
-            let clock = std::time::Instant::now();
-            let seeded = super::seed(&targets, &profiles).unwrap();
-            let [seed_m, seed_rad] = off(&seeded, &mount);
+        let mount = any_mount(&mut rng);
+        for (outlier_share, targets) in [(0.0, KNOWN), (0.05, KNOWN), (0.05, UNKNOWN)] {
+            let profiles = ball(&mount, &Views { outlier_share, ..VIEWS }, &mut rng);
+            let [seed_m, seed_rad] = off(&super::seed(&targets, &profiles).unwrap(), &mount);
             let found = calibrate_mount(&targets, &profiles, None).unwrap();
             let [shift_m, turn_rad] = off(&found.palm_from_scanner, &mount);
-            println!(
-                "{seed}: seed {:.3} mm {:.3} deg, found {:.4} mm {:.4} deg, noise {:.4} mm, condition {:.0}, {} of {} out, loo {:.4}, {:.2} s",
-                seed_m * 1e3,
-                seed_rad.to_degrees(),
-                shift_m * 1e3,
-                turn_rad.to_degrees(),
-                found.noise_m * 1e3,
-                found.condition,
-                found.outliers,
-                found.points,
-                found.leave_one_out.rms_m * 1e3,
-                clock.elapsed().as_secs_f64()
-            );
-            assert!(shift_m < 1e-4 && turn_rad < 0.03_f64.to_radians(), "{seed}");
+            for (worst, now) in worst.iter_mut().zip([seed_m, seed_rad, shift_m, turn_rad]) {
+                *worst = worst.max(now);
+            }
+            // The closed form alone is near, whatever the mount.
+            assert!(seed_m < 0.004 && seed_rad < 0.02, "{seed}: {seed_m} {seed_rad}");
+            assert_near(&found.palm_from_scanner, &mount, &(seed, outlier_share));
+            let share = found.outliers as f64 / found.points as f64;
+            // Those outliers that are within the noise by chance, or the ball's flank, go unnoticed.
+            assert!((0.8 * outlier_share..=outlier_share + 0.003).contains(&share), "{share}");
+            assert!((found.noise_m - 4.7e-5).abs() < 4e-6);
+            let Some([radius_m, std_m]) = found.measured_radii_m[0] else { panic!("no radius") };
+            assert!((radius_m - RADIUS_M).abs() < 5.0 * std_m && std_m < 1e-5);
         }
     }
+    println!("worst of closed form and refinement, m and rad: {worst:?}");
+}
+
+#[test]
+fn a_mount_is_found_from_20_mm_and_10_degrees_off() {
+    for seed in 0..20 {
+        let mut rng = rng(100 + seed);
+        let mount = any_mount(&mut rng);
+        let views = Views { outlier_share: 0.05, ..VIEWS };
+        let turn = UnitQuaternion::from_scaled_axis(direction(&mut rng) * 10_f64.to_radians());
+        let shift = Translation3::from(mount.translation.vector + direction(&mut rng) * 0.020);
+        let start = Isometry3::from_parts(shift, turn * mount.rotation);
+        let profiles = ball(&mount, &views, &mut rng);
+        let found = calibrate_mount(&KNOWN, &profiles, Some(&start)).unwrap();
+        assert_near(&found.palm_from_scanner, &mount, &("sphere", seed));
+        let table = Located::Plane { normal: Vector3::z(), offset_m: 0.0 };
+        let profiles = sweeps(0, &table, &Point3::new(0.4, 0.0, 0.0), &mount, &views, &mut rng);
+        let found = calibrate_mount(&[Target::Plane], &profiles, Some(&start)).unwrap();
+        let [a, b] = off(&found.palm_from_scanner, &mount);
+        println!(
+            "plane {seed}: {:.4} mm {:.4} deg condition {:.0}",
+            a * 1e3,
+            b.to_degrees(),
+            found.condition
+        );
+        assert_near(&found.palm_from_scanner, &mount, &("plane", seed));
+        assert_eq!(calibrate_mount(&[Target::Plane], &profiles, None), Err(HandEyeError::NoStart));
+    }
+}
+
+#[test]
+fn a_ball_at_one_depth_or_in_the_middle_of_the_stripe_is_enough() {
+    for seed in 0..20 {
+        let mut rng = rng(400 + seed);
+        let mount = any_mount(&mut rng);
+        for aside_m in [[0.025, 0.0], [0.0, 0.025], [0.004, 0.004]] {
+            let profiles = ball(&mount, &Views { aside_m, ..VIEWS }, &mut rng);
+            let [a, b] = off(&super::seed(&KNOWN, &profiles).unwrap(), &mount);
+            let found = calibrate_mount(&KNOWN, &profiles, None).unwrap();
+            let [c, d] = off(&found.palm_from_scanner, &mount);
+            println!(
+                "{seed} {aside_m:?}: seed {:.1} mm {:.1} deg, {:.4} mm {:.4} deg, {:.0}",
+                a * 1e3,
+                b.to_degrees(),
+                c * 1e3,
+                d.to_degrees(),
+                found.condition
+            );
+            let spread = found.by_points.point_std_m(&(mount.rotation * Vector3::z() * 0.2));
+            assert!(c < 4e-4 && d.to_degrees() < 0.15 && spread < 1e-4);
+        }
+    }
+}
+
+#[test]
+fn single_poses_two_balls_and_a_plane_together_do() {
+    for seed in 0..20 {
+        let mut rng = rng(200 + seed);
+        let mount = any_mount(&mut rng);
+        // One frame of each of 40 views, anywhere on the ball: the laser plane passes the centre on either side.
+        let views = Views { sweeps: 40, ..VIEWS };
+        let all = ball(&mount, &views, &mut rng);
+        let single: Vec<Profile> = all
+            .chunk_by(|a, b| a.sweep == b.sweep)
+            .map(|sweep| sweep[rng.random_range(sweep.len() / 5..sweep.len() - sweep.len() / 5)].clone())
+            .collect();
+        for targets in [KNOWN, UNKNOWN] {
+            let found = calibrate_mount(&targets, &single, None).unwrap();
+            let [a, b] = off(&found.palm_from_scanner, &mount);
+            println!("single {seed}: {:.4} mm {:.4} deg {:.0}", a * 1e3, b.to_degrees(), found.condition);
+            // Some thousand points, not some ten thousand.
+            assert!(a < 3e-4 && b.to_degrees() < 0.1);
+        }
+        let few = Views { sweeps: 4, ..VIEWS };
+        let other = Point3::new(0.36, 0.06, 0.03);
+        let second = Located::Sphere { center_m: other, radius_m: 0.015 };
+        let table = Located::Plane { normal: Vector3::z(), offset_m: 0.0 };
+        let mut together = sweeps(0, &BALL, &CENTER, &mount, &few, &mut rng);
+        together.extend(sweeps(1, &second, &other, &mount, &few, &mut rng));
+        together.extend(sweeps(2, &table, &Point3::new(0.4, 0.1, 0.0), &mount, &few, &mut rng));
+        let targets = [KNOWN[0], Target::Sphere { radius_m: None }, Target::Plane];
+        let found = calibrate_mount(&targets, &together, None).unwrap();
+        assert_near(&found.palm_from_scanner, &mount, &("together", seed));
+        let Located::Sphere { center_m, radius_m } = found.targets[1] else { panic!("a sphere") };
+        assert!((center_m - other).norm() < 1e-4 && (radius_m - 0.015).abs() < 3e-5);
+    }
+}
+
+/// Squares of errors over their variances: all together (Mahalanobis), and of the six numbers alone, in the mean.
+fn normalised(error: &nalgebra::Vector6<f64>, uncertainty: &Uncertainty) -> [f64; 2] {
+    let covariance = uncertainty.covariance;
+    let all = covariance.cholesky().map_or(f64::NAN, |factor| error.dot(&factor.solve(error)));
+    [all, (0..6).map(|i| error[i] * error[i] / covariance[(i, i)]).sum::<f64>() / 6.0]
+}
+
+#[test]
+fn the_covariance_is_honest() {
+    let runs = 40;
+    let (mut all, mut with_outliers) = (0.0, 0.0);
+    let (mut by_sweeps, mut by_points) = (0.0, 0.0);
+    for seed in 0..runs {
+        let mut rng = rng(300 + seed);
+        let mount = moved_mount(&mut rng, 0.02, 0.2);
+        let mut errors = |views: Views| {
+            let found = calibrate_mount(&KNOWN, &ball(&mount, &views, &mut rng), None).unwrap();
+            let error = error(&found.palm_from_scanner, &mount);
+            if views.sweep_noise_m == 0.0 {
+                assert_near(&found.palm_from_scanner, &mount, &views.arm_noise_m);
+            }
+            (normalised(&error, &found.by_points), normalised(&error, &found.leave_one_out.uncertainty))
+        };
+        all += errors(VIEWS).0[0];
+        with_outliers += errors(Views { outlier_share: 0.05, ..VIEWS }).0[0];
+        errors(Views { arm_noise_m: 5e-5, ..VIEWS });
+        // What the arm says is wrong by as much throughout a sweep, and by more in each pose.
+        let arm = errors(Views { sweep_noise_m: 2e-5, arm_noise_m: 5e-5, ..VIEWS });
+        by_points += arm.0[1] / runs as f64;
+        by_sweeps += arm.1[1] / runs as f64;
+    }
+    println!("chi-square of {}: {all:.0}, with outliers {with_outliers:.0}", 6 * runs);
+    println!(
+        "mean square of normalised errors of an arm that errs: by points {by_points:.2}, by sweeps {by_sweeps:.2}"
+    );
+    // Chi-square of 240 degrees of freedom: four standard deviations (21.9) on either side.
+    assert!((152.0..328.0).contains(&all), "{all}");
+    assert!((152.0..328.0).contains(&with_outliers), "{with_outliers}");
+    // The points know nothing of the arm; sweeps that are left out do. 1 is right, up to the few sweeps.
+    assert!(by_points > 3.0, "{by_points}");
+    assert!((0.5..1.6).contains(&by_sweeps), "{by_sweeps}");
+}
+
+#[test]
+fn leaving_a_sweep_out_is_a_fit_without_it_and_shows_the_one_that_is_wrong() {
+    let mut rng = rng(1);
+    let mount = moved_mount(&mut rng, 0.02, 0.2);
+    let mut profiles = ball(&mount, &VIEWS, &mut rng);
+    let sound = calibrate_mount(&KNOWN, &profiles, None).unwrap();
+    assert_eq!(sound.leave_one_out.sweeps.len(), 16);
+    assert!(sound.leave_one_out.max_rms_m < 5.5e-5);
+    for left in sound.leave_one_out.sweeps.iter().step_by(5) {
+        let others: Vec<Profile> = profiles.iter().filter(|p| p.sweep != left.sweep).cloned().collect();
+        let without = calibrate_mount(&KNOWN, &others, None).unwrap().palm_from_scanner;
+        let shift = without.translation.vector - sound.palm_from_scanner.translation.vector;
+        // Only the scale of the loss differs.
+        assert!((shift - left.shift_m).norm() < 1e-6, "{shift} {}", left.shift_m);
+        assert!(left.shift_m.norm() > 1e-7);
+    }
+    // An arm that lost a step.
+    for profile in profiles.iter_mut().filter(|p| p.sweep == 11) {
+        profile.base_from_palm = Translation3::new(0.0, 0.0, 2e-4) * profile.base_from_palm;
+    }
+    let wrong = calibrate_mount(&KNOWN, &profiles, None).unwrap().leave_one_out;
+    let worst = wrong.sweeps.iter().max_by(|a, b| a.rms_m.total_cmp(&b.rms_m)).unwrap();
+    assert_eq!(worst.sweep, 11);
+    assert!(worst.rms_m > 2.0 * sound.leave_one_out.max_rms_m, "{}", worst.rms_m);
+}
+
+#[test]
+fn poses_that_cannot_tell_are_refused_with_the_motion_that_is_missing() {
+    let mut rng = rng(2);
+    let mount = palm_from_scanner();
+    let mut refused = |views: Views| {
+        calibrate_mount(&KNOWN, &ball(&mount, &views, &mut rng), None)
+            .map(|found| found.condition)
+            .unwrap_err()
+    };
+    let straight = refused(Views { fixed_rad: Some([0.3, 0.4, 0.5]), ..VIEWS });
+    assert!(
+        matches!(straight, HandEyeError::NoRotation { spread_deg, .. } if spread_deg < 1e-6),
+        "{straight}"
+    );
+    // Straight down in every yaw: the laser looks along the palm's x.
+    let yaw = refused(Views { tilt_rad: 0.0, ..VIEWS });
+    let HandEyeError::NoRotation { axis, .. } = yaw else { panic!("{yaw}") };
+    assert!((Vector3::from(axis) - Vector3::x()).norm() < 1e-6, "{axis:?}");
+    assert!(yaw.to_string().contains("about other axes"), "{yaw}");
+    let same = refused(Views { aside_m: [0.0; 2], ..VIEWS });
+    let HandEyeError::SamePlace { spread_m } = same else { panic!("{same}") };
+    assert!(spread_m < 5e-4, "{spread_m}");
+    // With a start, all points say it: a turn about the sweep's direction through the ball changes nothing.
+    let profiles = ball(&mount, &Views { aside_m: [0.0; 2], noise_m: 0.0, ..VIEWS }, &mut rng);
+    let same = calibrate_mount(&KNOWN, &profiles, Some(&mount)).map(|found| found.condition).unwrap_err();
+    let HandEyeError::Undetermined { direction, .. } = same else { panic!("{same}") };
+    assert!(!direction.is_shift() && same.to_string().contains("elsewhere in the scanner's field"), "{same}");
+    assert!(direction.turn_rad.normalize().dot(&Vector3::y()).abs() > 0.99, "{direction:?}");
+    // Planes that are always met alike.
+    let table = Located::Plane { normal: Vector3::z(), offset_m: 0.0 };
+    let flat = Views { tilt_rad: 0.0, ..VIEWS };
+    let profiles = sweeps(0, &table, &Point3::new(0.4, 0.0, 0.0), &mount, &flat, &mut rng);
+    let found = calibrate_mount(&[Target::Plane], &profiles, Some(&mount));
+    assert!(matches!(found, Err(HandEyeError::Undetermined { .. })), "{found:?}");
+}
+
+#[test]
+fn wrong_input_is_named() {
+    let mut rng = rng(3);
+    let mount = palm_from_scanner();
+    let profiles = ball(&mount, &VIEWS, &mut rng);
+    let failed = |targets: &[Target], profiles: &[Profile]| {
+        calibrate_mount(targets, profiles, None).map(|found| found.condition).unwrap_err()
+    };
+    for radius_m in [0.015, 0.019, 0.0205, 0.030] {
+        let wrong = failed(&[Target::Sphere { radius_m: Some(radius_m) }], &profiles);
+        let HandEyeError::WrongRadius { found_m, .. } = wrong else { panic!("{radius_m}: {wrong}") };
+        assert!((found_m - RADIUS_M).abs() < 3e-5, "{radius_m}: {found_m}");
+    }
+    for radius_m in [0.0, -0.02, f64::NAN] {
+        let wrong = failed(&[Target::Sphere { radius_m: Some(radius_m) }], &profiles);
+        assert!(matches!(wrong, HandEyeError::NoRadius { .. }), "{wrong}");
+    }
+    let few: Vec<Profile> = profiles.iter().filter(|p| p.sweep < 4).cloned().collect();
+    assert_eq!(failed(&KNOWN, &few), HandEyeError::TooFewPoses { target: 0, found: 4, needed: 5 });
+    assert_eq!(failed(&KNOWN, &[]), HandEyeError::TooFewPoses { target: 0, found: 0, needed: 5 });
+    assert_eq!(failed(&[], &[]), HandEyeError::NoStart);
+    assert_eq!(failed(&[], &few), HandEyeError::UnknownTarget { profile: 0, target: 0 });
+    let mut broken = profiles.clone();
+    broken[7].points_m[2][1] = f64::NAN;
+    assert_eq!(failed(&KNOWN, &broken), HandEyeError::NotFinite { profile: 7 });
+    let mut broken = profiles.clone();
+    broken[9].base_from_palm.translation.vector.x = f64::INFINITY;
+    assert_eq!(failed(&KNOWN, &broken), HandEyeError::NotFinite { profile: 9 });
+    let mut flat = profiles.clone();
+    flat.iter_mut().flat_map(|p| &mut p.points_m).for_each(|point| point[1] = 0.2);
+    assert_eq!(failed(&KNOWN, &flat), HandEyeError::NoSphere { target: 0 });
+    // A ball that rolled away between any two sweeps.
+    let mut rolled = profiles;
+    for profile in &mut rolled {
+        let way = 0.01 * f64::from(profile.sweep % 5);
+        profile.base_from_palm = Translation3::new(way, -0.5 * way, 0.0) * profile.base_from_palm;
+    }
+    let wrong = failed(&KNOWN, &rolled);
+    assert!(matches!(wrong, HandEyeError::Inconsistent { .. }), "{wrong}");
+}
+
+#[test]
+fn an_independent_ball_shows_whether_a_mount_is_right() {
+    let mut rng = rng(4);
+    let mount = moved_mount(&mut rng, 0.02, 0.2);
+    let found = calibrate_mount(&KNOWN, &ball(&mount, &VIEWS, &mut rng), None).unwrap();
+    let other = Located::Sphere { center_m: Point3::new(0.38, 0.05, 0.03), radius_m: 0.0127 };
+    let views = Views { sweeps: 6, outlier_share: 0.02, ..VIEWS };
+    let profiles = sweeps(3, &other, &Point3::new(0.38, 0.05, 0.03), &mount, &views, &mut rng);
+    for known in [None, Some(0.0127)] {
+        let good = verify(&profiles, known, &found.palm_from_scanner).unwrap();
+        println!("{:?} centres {:.4} mm", good, good.center_rms_m() * 1e3);
+        assert!(good.rms_m < 6e-5 && good.center_rms_m() < 5e-5);
+        assert!((good.radius_m - 0.0127).abs() < 5.0 * good.radius_std_m + 5e-6);
+        assert!((good.center_m - Point3::new(0.38, 0.05, 0.03)).norm() < 5e-5);
+        assert_eq!(good.center_offsets_m.len(), 6);
+    }
+    let mut bad = found.palm_from_scanner;
+    bad.translation.vector.y += 0.0005;
+    let bad = verify(&profiles, Some(0.0127), &bad).unwrap();
+    assert!(bad.center_rms_m() > 2e-4 && bad.rms_m > 1e-4, "{bad:?}");
+    let one: Vec<Profile> = profiles.iter().filter(|p| p.sweep == 0).cloned().collect();
+    assert!(matches!(verify(&one, None, &mount), Err(HandEyeError::TooFewPoses { needed: 2, .. })));
+    assert!(matches!(verify(&[], None, &mount), Err(HandEyeError::TooFewPoses { found: 0, .. })));
+}
+
+#[test]
+fn without_noise_the_mount_is_exact() {
+    let mut rng = rng(5);
+    let mount = any_mount(&mut rng);
+    let profiles = ball(&mount, &Views { noise_m: 0.0, sweeps: 6, ..VIEWS }, &mut rng);
+    let found = calibrate_mount(&KNOWN, &profiles, None).unwrap();
+    let [shift_m, turn_rad] = off(&found.palm_from_scanner, &mount);
+    assert!(shift_m < 1e-8 && turn_rad < 1e-7, "{shift_m} {turn_rad}");
+}
+
+#[test]
+fn a_mount_goes_through_its_file() {
+    let mut rng = rng(6);
+    let mount = any_mount(&mut rng);
+    let found =
+        calibrate_mount(&KNOWN, &ball(&mount, &Views { sweeps: 6, ..VIEWS }, &mut rng), None).unwrap();
+    let text = MountFile::of(&found).to_toml().unwrap();
+    assert_eq!(MountFile::palm_from_scanner(&text), Ok(found.palm_from_scanner), "{text}");
+    let wrong = |from: &str, to: &str| MountFile::palm_from_scanner(&text.replace(from, to)).unwrap_err();
+    assert_eq!(wrong("version = 1", "version = 2"), MountFileError::Version { found: 2 });
+    assert_eq!(wrong("m rad", "mm deg"), MountFileError::Units { found: "mm deg".to_owned() });
+    assert!(matches!(wrong("position_m", "position_mm"), MountFileError::Toml { .. }));
+    let start = text.find("orientation_wxyz = [").unwrap();
+    let doubled = text[..start].to_owned() + "orientation_wxyz = [2.0, 0.0, 0.0, 0.0]\n";
+    assert_eq!(MountFile::palm_from_scanner(&doubled), Err(MountFileError::NoPose));
+    assert!(matches!(
+        MountFile::palm_from_scanner("version = nan"),
+        Err(MountFileError::Toml { line: 1, .. })
+    ));
 }
 
 #[test]

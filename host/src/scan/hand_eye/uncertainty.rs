@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use nalgebra::{DMatrix, DVector, Matrix6, Point3, SMatrix, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SymmetricEigen, Vector3};
 
 use super::problem::{COLUMNS, LENGTH_M, MOUNT, Problem, Row};
 use crate::scan::levenberg::LeastSquares;
@@ -147,9 +147,4 @@ fn weakest(inverse: &DMatrix<f64>) -> (f64, WeakDirection) {
     let shift_m = direction.fixed_rows::<3>(3) * LENGTH_M;
     let condition = if least > 0.0 { (most / least).sqrt() } else { f64::MAX };
     (condition, WeakDirection { turn_rad, shift_m })
-}
-
-/// Where the middle of a target stands in the scanner's field, for [`Uncertainty::point_std_m`].
-pub(super) fn arm_of(point: &Point3<f64>, palm_from_scanner: &nalgebra::Isometry3<f64>) -> Vector3<f64> {
-    palm_from_scanner.rotation * point.coords
 }
