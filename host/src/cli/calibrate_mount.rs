@@ -9,7 +9,9 @@ use clap::{ArgGroup, Args};
 use nalgebra::{Isometry3, Vector3};
 use serde::Serialize;
 
-use super::calibrate_mount_virtual::{VIRTUAL_CHECK_RADIUS_M, VIRTUAL_RADIUS_M, virtual_captures};
+use super::calibrate_mount_virtual::{
+    Disturbance, VIRTUAL_CHECK_RADIUS_M, VIRTUAL_RADIUS_M, virtual_captures,
+};
 use super::{Outcome, input, write_json};
 use crate::io::write_atomically;
 use crate::scan::Instrument;
@@ -48,6 +50,12 @@ pub struct CalibrateMountArgs {
     /// Sweeps over the virtual ball
     #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=200), conflicts_with = "scans")]
     pub sweeps: u32,
+    /// Noise to add to the virtual scanner's points, along the stripe and away from the laser; not to recordings
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = input::not_negative, conflicts_with = "scans")]
+    pub noise_mm: f64,
+    /// Error to add to what the virtual arm says: of each sweep, along each axis; not to recordings
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = input::not_negative, conflicts_with = "scans")]
+    pub arm_error_mm: f64,
     /// Folder to write with the recordings of the virtual balls, `ball` and `check`
     #[arg(long, value_name = "DIR", conflicts_with = "scans")]
     pub record: Option<PathBuf>,
@@ -68,6 +76,8 @@ pub(super) struct Source {
     pub(super) check_radius_m: Option<f64>,
     /// Of the virtual cell.
     pub(super) truth: Option<Isometry3<f64>>,
+    /// What is added to measurements of the virtual cell.
+    pub(super) disturbance: Disturbance,
 }
 
 #[derive(Serialize)]
@@ -112,6 +122,7 @@ struct Spread {
     at_stand_off_m: f64,
 }
 
+/// One standard deviation.
 #[derive(Serialize)]
 struct Direction {
     turn_rad: [f64; 3],
@@ -172,6 +183,11 @@ pub fn run(args: &CalibrateMountArgs, out: &mut dyn Write) -> anyhow::Result<Out
             check: Some(check),
             check_radius_m: Some(VIRTUAL_CHECK_RADIUS_M),
             truth: Some(truth),
+            disturbance: Disturbance {
+                noise_m: args.noise_mm * MM,
+                arm_error_m: args.arm_error_mm * MM,
+                seed: args.seed,
+            },
         }
     } else {
         recordings(args)?
@@ -211,6 +227,7 @@ fn recordings(args: &CalibrateMountArgs) -> anyhow::Result<Source> {
         check: args.verify.as_deref().map(read).transpose()?,
         check_radius_m: args.verify_radius_mm.map(|radius| radius * MM),
         truth: None,
+        disturbance: Disturbance::default(),
     })
 }
 
@@ -228,13 +245,15 @@ fn calibrated(
     for (found, (name, _)) in found.iter().zip(&source.balls) {
         ensure!(!found.profiles.is_empty(), "{name}: none of {} frames shows a ball", found.frames);
     }
-    let profiles: Vec<Profile> = found.iter().flat_map(|found| found.profiles.iter().cloned()).collect();
+    let mut profiles: Vec<Profile> = found.iter().flat_map(|found| found.profiles.iter().cloned()).collect();
+    source.disturbance.apply(&mut profiles, 0);
     let found_mount = calibrate_mount(&targets, &profiles, None).map_err(|error| named(error, source))?;
     let mount = found_mount.palm_from_scanner;
     // Before anything is written.
     let verification = match &source.check {
         Some(check) => {
-            let profiles = sphere_profiles(check, 0, source.check_radius_m).profiles;
+            let mut profiles = sphere_profiles(check, 0, source.check_radius_m).profiles;
+            source.disturbance.apply(&mut profiles, 1);
             let verified = verify(&profiles, source.check_radius_m, &mount);
             Some(verified.context("the ball to verify with")?)
         }
@@ -244,6 +263,7 @@ fn calibrated(
     let recorded = source.balls.first().map_or(mount, |(_, capture)| capture.rig.palm_from_scanner);
     let q = mount.rotation.quaternion();
     let left_out = &found_mount.leave_one_out;
+    let weakest_std = found_mount.uncertainty().along(&found_mount.weakest);
     Ok(Summary {
         palm_from_scanner: Pose {
             position_m: mount.translation.vector.into(),
@@ -253,8 +273,8 @@ fn calibrated(
         std_by_sweeps: spread(&left_out.uncertainty, &mount),
         condition: found_mount.condition,
         weakest: Direction {
-            turn_rad: found_mount.weakest.turn_rad.into(),
-            shift_m: found_mount.weakest.shift_m.into(),
+            turn_rad: (found_mount.weakest.turn_rad * weakest_std).into(),
+            shift_m: (found_mount.weakest.shift_m * weakest_std).into(),
         },
         frames: found.iter().map(|found| found.frames).sum(),
         profiles: profiles.len(),
@@ -362,7 +382,7 @@ fn describe(summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
     for ball in &summary.balls {
         writeln!(
             out,
-            "ball of {}: centre ({}) mm, radius {:.3} mm, by the profiles {:.3} +- {:.3} mm",
+            "ball of {}: centre ({}) mm, radius {:.3} mm, by the profiles {:.3} +- {:.4} mm",
             ball.scan,
             mm(&ball.center_m),
             ball.radius_m / MM,
@@ -384,19 +404,19 @@ fn describe(summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
     }
     writeln!(
         out,
-        "least known: turn ({}) deg with shift ({}) mm; condition {:.0}",
-        deg(&summary.weakest.turn_rad.map(|x| x * 0.01)),
-        mm(&summary.weakest.shift_m.map(|x| x * 0.01)),
+        "least known: a turn by ({}) deg with a shift by ({}) mm, one standard deviation; condition {:.0}",
+        deg(&summary.weakest.turn_rad),
+        mm(&summary.weakest.shift_m),
         summary.condition
     )?;
     if let Some(worst) = summary.leave_one_out.iter().max_by(|a, b| a.rms_m.total_cmp(&b.rms_m)) {
         writeln!(
             out,
-            "each sweep as the others predict it: {:.3} mm rms; worst {:.3} mm, sweep {} of ball {}",
+            "each sweep as the others predict it: {:.3} mm rms; worst {:.3} mm, sweep {} of {}",
             summary.leave_one_out_rms_m / MM,
             worst.rms_m / MM,
             worst.sweep,
-            worst.ball
+            summary.balls.get(worst.ball).map_or("", |ball| &ball.scan)
         )?;
     }
     let mut say = |what: &str, off: &Off| {
@@ -416,7 +436,7 @@ fn describe(summary: &Summary, out: &mut dyn Write) -> std::io::Result<()> {
         let error = check.radius_error_m.map(|e| format!(", {:+.3} mm off", e / MM)).unwrap_or_default();
         writeln!(
             out,
-            "verified on another ball: {} points of {} sweeps, {:.3} mm rms; radius {:.3} +- {:.3} mm{error}; centres \
+            "verified on another ball: {} points of {} sweeps, {:.3} mm rms; radius {:.3} +- {:.4} mm{error}; centres \
              by single sweeps scatter by {:.3} mm rms, {:.3} at most",
             check.points,
             check.sweeps,

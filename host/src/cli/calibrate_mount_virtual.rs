@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use anyhow::{Context, ensure};
-use nalgebra::{Isometry3, Point3};
+use nalgebra::{Isometry3, Point3, Translation3, Vector3};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::input::{self, SPOT_M, TABLE_HEIGHT_M};
 use crate::plan::arm::Arm;
 use crate::scan::capture::{Capture, Start};
-use crate::scan::hand_eye::{ball, ball_sweeps, displaced_mount};
+use crate::scan::hand_eye::{Profile, ball, ball_sweeps, displaced_mount};
 use crate::scan::joints::carry;
 use crate::scan::optics::Optics;
 use crate::scan::recording::{Content, RecordingError, RecordingWriter};
@@ -87,4 +90,33 @@ fn captured(
         CaptureError::Sink(error) => anyhow::Error::from(error),
         CaptureError::Joints(error) => anyhow::Error::from(error),
     })
+}
+
+/// Errors beyond those of the virtual cell's cameras.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Disturbance {
+    /// Of each point, along the stripe and away from the laser.
+    pub(super) noise_m: f64,
+    /// Of where the arm says it is, the same throughout a sweep, along each axis of the base.
+    pub(super) arm_error_m: f64,
+    pub(super) seed: u64,
+}
+
+impl Disturbance {
+    /// Adds them; `stream` tells one scan's from another's.
+    pub(super) fn apply(&self, profiles: &mut [Profile], stream: u64) {
+        if self.noise_m == 0.0 && self.arm_error_m == 0.0 {
+            return;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(stream);
+        let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
+        for sweep in profiles.chunk_by_mut(|a, b| (a.target, a.sweep) == (b.target, b.sweep)) {
+            let error = Translation3::from(Vector3::from_fn(|_, _| self.arm_error_m * normal()));
+            for profile in sweep {
+                profile.base_from_palm = error * profile.base_from_palm;
+                profile.points_m.iter_mut().flatten().for_each(|x| *x += self.noise_m * normal());
+            }
+        }
+    }
 }

@@ -55,14 +55,14 @@ pub enum HandEyeError {
         /// Root mean square of the turns about axes at right angles to it.
         spread_deg: f64,
     },
-    /// The spheres were always met at one place of the scanner's field.
+    /// The places of the spheres in the scanner's field lie on a line.
     #[error(
-        "the ball was always at the same place of the scanner's field (within {:.2} mm rms): a turn about the motion's \
-         direction cannot be told; add sweeps with the ball nearer, farther, and to either side",
+        "the ball's places in the scanner's field lie on a line (within {:.2} mm rms): a mount that is turned about it \
+         fits as well; add sweeps with the ball nearer, farther, and to either side",
         .spread_m * 1e3
     )]
-    SamePlace {
-        /// Root mean square of the circles' centres about their mean, in the laser plane.
+    OnALine {
+        /// Root mean square distance of the circles' centres from the line, in the laser plane.
         spread_m: f64,
     },
     /// Planes do not tell a mount from scratch.

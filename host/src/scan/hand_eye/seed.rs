@@ -12,12 +12,14 @@
 //! sweep across the sphere; the two axes found are brought to right angles (Procrustes), and the mount tells on which
 //! side of the plane each centre lies. That is repeated until the sides stay the same.
 //!
-//! Where the ball was always at the same depth, b and p are not told apart before the axes are made orthogonal, and the
-//! result may be far off: [`placed`] then begins from any orientation.
+//! Where the ball was nearly always at the same depth, b and p are hardly told apart before the axes are made orthogonal,
+//! and the result may be far off: [`placed`] then begins from any orientation, and [`half_turned`] from the other side.
+
+use std::f64::consts::PI;
 
 use nalgebra::{
-    DMatrix, DVector, Isometry3, Matrix3, Matrix3x2, Point3, Rotation3, SymmetricEigen, Translation3,
-    UnitQuaternion, Vector2, Vector3,
+    DMatrix, DVector, Isometry3, Matrix2, Matrix3, Matrix3x2, Point3, Rotation3, SymmetricEigen,
+    Translation3, UnitQuaternion, Vector2, Vector3,
 };
 
 use super::arc::{Arc, fit_arc};
@@ -38,7 +40,7 @@ pub(super) struct Cut {
 const CENTER_NOISE_M: f64 = 0.0005;
 /// Turns of the palm about other axes than one, below which the mount cannot be told.
 const LEAST_SPREAD_RAD: f64 = 0.05;
-/// Spread of the ball's places in the field below which a turn about the motion is not told.
+/// Spread of the ball's places in the field about a line, below which a turn about it is not told.
 const LEAST_FIELD_M: f64 = 0.001;
 const MAX_ROUNDS: u32 = 20;
 /// The largest cut of so many is taken for the equator's; noise makes some larger.
@@ -47,7 +49,7 @@ const EQUATOR_SHARE: f64 = 0.95;
 /// The mount that fits profiles of spheres, without knowing anything of it before.
 ///
 /// # Errors
-/// [`HandEyeError::NoSphere`], [`HandEyeError::NoRotation`], [`HandEyeError::SamePlace`], and [`HandEyeError::NoStart`]
+/// [`HandEyeError::NoSphere`], [`HandEyeError::NoRotation`], [`HandEyeError::OnALine`], and [`HandEyeError::NoStart`]
 /// without spheres.
 pub fn seed(targets: &[Target], profiles: &[Profile]) -> Result<Isometry3<f64>, HandEyeError> {
     let cuts = cuts(targets, profiles)?;
@@ -141,11 +143,43 @@ fn equator_weight(cut: &Cut) -> f64 {
 /// Which motions are missing.
 pub(super) fn check_poses(targets: usize, cuts: &[Cut]) -> Result<(), HandEyeError> {
     check_rotation(targets, cuts)?;
-    let places = || cuts.iter().map(|cut| Vector2::from(cut.arc.center_m));
-    let count = cuts.len().max(1) as f64;
-    let middle = places().sum::<Vector2<f64>>() / count;
-    let spread_m = (places().map(|place| (place - middle).norm_squared()).sum::<f64>() / count).sqrt();
-    if spread_m < LEAST_FIELD_M { Err(HandEyeError::SamePlace { spread_m }) } else { Ok(()) }
+    let spread_m = FieldLine::of(cuts).spread_m;
+    if spread_m < LEAST_FIELD_M { Err(HandEyeError::OnALine { spread_m }) } else { Ok(()) }
+}
+
+/// The line in the scanner's field that the circles' centres are nearest to.
+///
+/// If they are on it, half a turn about it maps each circle onto itself, and each sphere to the same height on the other
+/// side of the laser plane, which nothing tells from the first. If they are all in one place, any turn about the
+/// direction of the sweeps does.
+struct FieldLine {
+    middle_m: Vector2<f64>,
+    along: Vector2<f64>,
+    /// Root mean square distance of the centres from it.
+    spread_m: f64,
+}
+
+impl FieldLine {
+    fn of(cuts: &[Cut]) -> Self {
+        let places = || cuts.iter().map(|cut| Vector2::from(cut.arc.center_m));
+        let count = cuts.len().max(1) as f64;
+        let middle_m = places().sum::<Vector2<f64>>() / count;
+        let spread: Matrix2<f64> =
+            places().map(|place| (place - middle_m) * (place - middle_m).transpose()).sum();
+        let eigen = SymmetricEigen::new(spread / count);
+        let along = eigen.eigenvectors.column(eigen.eigenvalues.imax()).into_owned();
+        Self { middle_m, along, spread_m: eigen.eigenvalues.min().max(0.0).sqrt() }
+    }
+}
+
+/// The mount that fits nearly as well where the spheres' places in the field are near a line: turned by half a turn
+/// about it.
+pub(super) fn half_turned(mount: &Isometry3<f64>, cuts: &[Cut]) -> Isometry3<f64> {
+    let FieldLine { middle_m, along, .. } = FieldLine::of(cuts);
+    let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, along.x, along.y) * PI);
+    let middle = Point3::new(0.0, middle_m.x, middle_m.y);
+    let about = Translation3::from(middle) * turn * Translation3::from(middle).inverse();
+    mount * about
 }
 
 /// Which turns of the palm are missing. With one orientation R alone, a shift of the mount by d and of the centre by R d

@@ -9,7 +9,7 @@ use super::error::HandEyeError;
 use super::leave_out::{LeaveOneOut, groups, leave_one_out};
 use super::loss::Loss;
 use super::problem::{Free, LENGTH_M, Located, Problem, State, residuals_of};
-use super::seed::{check_poses, cuts, from_cuts, located, placed};
+use super::seed::{check_poses, cuts, from_cuts, half_turned, located, placed};
 use super::uncertainty::{Uncertainty, WeakDirection, covariance};
 use super::{Profile, Target};
 use crate::scan::levenberg::{Levenberg, Step};
@@ -96,9 +96,13 @@ pub fn calibrate_mount(
             from(from_cuts(targets, &cuts))
         }
     };
-    if start.is_none() && noise_m > LARGEST_NOISE_M {
-        let turns = cube_rotations();
-        let found: Vec<_> = turns.par_iter().map(|turn| from(placed(targets, &cuts, turn))).collect();
+    if start.is_none() {
+        let mut others = Vec::new();
+        if noise_m > LARGEST_NOISE_M {
+            others.extend(cube_rotations().iter().map(|turn| placed(targets, &cuts, turn)));
+        }
+        others.push(half_turned(&state.palm_from_scanner, &cuts));
+        let found: Vec<_> = others.into_par_iter().map(from).collect();
         for other in found {
             if other.0 < noise_m {
                 (noise_m, state, loss) = other;

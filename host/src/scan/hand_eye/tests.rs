@@ -232,11 +232,12 @@ fn a_mount_is_found_from_20_mm_and_10_degrees_off() {
 }
 
 #[test]
-fn a_ball_at_one_depth_or_in_the_middle_of_the_stripe_is_enough() {
-    for seed in 0..20 {
+fn a_ball_near_a_line_of_the_field_is_not_taken_from_its_other_side() {
+    for seed in 0..8 {
         let mut rng = rng(400 + seed);
         let mount = any_mount(&mut rng);
-        for aside_m in [[0.025, 0.0], [0.0, 0.025], [0.004, 0.004]] {
+        // On a line, half a turn about it would fit as well. These are uniform: their spread is 0.6 times as much.
+        for aside_m in [[0.025, 0.0025], [0.0025, 0.025], [0.004, 0.004]] {
             let profiles = ball(&mount, &Views { aside_m, ..VIEWS }, &mut rng);
             let [a, b] = off(&super::seed(&KNOWN, &profiles).unwrap(), &mount);
             let found = calibrate_mount(&KNOWN, &profiles, None).unwrap();
@@ -249,8 +250,10 @@ fn a_ball_at_one_depth_or_in_the_middle_of_the_stripe_is_enough() {
                 d.to_degrees(),
                 found.condition
             );
-            let spread = found.by_points.point_std_m(&(mount.rotation * Vector3::z() * 0.2));
-            assert!(c < 4e-4 && d.to_degrees() < 0.15 && spread < 1e-4);
+            // Not the accuracy of a well spread set, but as honest: chi-square of six numbers.
+            let error = error(&found.palm_from_scanner, &mount);
+            assert!(normalised(&error, &found.by_points)[0] < 35.0, "{seed} {aside_m:?}");
+            assert!(c < 4e-4 && d.to_degrees() < 0.15);
         }
     }
 }
@@ -298,7 +301,7 @@ fn normalised(error: &nalgebra::Vector6<f64>, uncertainty: &Uncertainty) -> [f64
 
 #[test]
 fn the_covariance_is_honest() {
-    let runs = 40;
+    let runs = 24;
     let (mut all, mut with_outliers) = (0.0, 0.0);
     let (mut by_sweeps, mut by_points) = (0.0, 0.0);
     for seed in 0..runs {
@@ -314,7 +317,7 @@ fn the_covariance_is_honest() {
         };
         all += errors(VIEWS).0[0];
         with_outliers += errors(Views { outlier_share: 0.05, ..VIEWS }).0[0];
-        errors(Views { arm_noise_m: 5e-5, ..VIEWS });
+        errors(Views { arm_noise_m: 5e-5, sweeps: 24, aside_m: [0.03; 2], ..VIEWS });
         // What the arm says is wrong by as much throughout a sweep, and by more in each pose.
         let arm = errors(Views { sweep_noise_m: 2e-5, arm_noise_m: 5e-5, ..VIEWS });
         by_points += arm.0[1] / runs as f64;
@@ -324,9 +327,9 @@ fn the_covariance_is_honest() {
     println!(
         "mean square of normalised errors of an arm that errs: by points {by_points:.2}, by sweeps {by_sweeps:.2}"
     );
-    // Chi-square of 240 degrees of freedom: four standard deviations (21.9) on either side.
-    assert!((152.0..328.0).contains(&all), "{all}");
-    assert!((152.0..328.0).contains(&with_outliers), "{with_outliers}");
+    // Chi-square of 144 degrees of freedom: three and a half standard deviations (17.0) on either side.
+    assert!((85.0..204.0).contains(&all), "{all}");
+    assert!((85.0..204.0).contains(&with_outliers), "{with_outliers}");
     // The points know nothing of the arm; sweeps that are left out do. 1 is right, up to the few sweeps.
     assert!(by_points > 3.0, "{by_points}");
     assert!((0.5..1.6).contains(&by_sweeps), "{by_sweeps}");
@@ -377,9 +380,10 @@ fn poses_that_cannot_tell_are_refused_with_the_motion_that_is_missing() {
     let HandEyeError::NoRotation { axis, .. } = yaw else { panic!("{yaw}") };
     assert!((Vector3::from(axis) - Vector3::x()).norm() < 1e-6, "{axis:?}");
     assert!(yaw.to_string().contains("about other axes"), "{yaw}");
-    let same = refused(Views { aside_m: [0.0; 2], ..VIEWS });
-    let HandEyeError::SamePlace { spread_m } = same else { panic!("{same}") };
-    assert!(spread_m < 5e-4, "{spread_m}");
+    for aside_m in [[0.0; 2], [0.025, 0.0], [0.0, 0.025]] {
+        let same = refused(Views { aside_m, ..VIEWS });
+        assert!(matches!(same, HandEyeError::OnALine { spread_m } if spread_m < 5e-4), "{same}");
+    }
     // With a start, all points say it: a turn about the sweep's direction through the ball changes nothing.
     let profiles = ball(&mount, &Views { aside_m: [0.0; 2], noise_m: 0.0, ..VIEWS }, &mut rng);
     let same = calibrate_mount(&KNOWN, &profiles, Some(&mount)).map(|found| found.condition).unwrap_err();

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SymmetricEigen, Vector3};
+use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SymmetricEigen, Vector3, Vector6};
 
 use super::problem::{COLUMNS, LENGTH_M, MOUNT, Problem, Row};
 use crate::scan::levenberg::LeastSquares;
@@ -36,6 +36,15 @@ impl Uncertainty {
         jacobian.fixed_view_mut::<3, 3>(0, 0).copy_from(&-arm.cross_matrix());
         jacobian.fixed_view_mut::<3, 3>(0, 3).fill_with_identity();
         (jacobian * self.covariance * jacobian.transpose()).trace().max(0.0).sqrt()
+    }
+
+    /// Standard deviation along a direction, as a multiple of it.
+    #[must_use]
+    pub fn along(&self, direction: &WeakDirection) -> f64 {
+        let WeakDirection { turn_rad: turn, shift_m: shift } = direction;
+        let scaled = shift / (LENGTH_M * LENGTH_M);
+        let vector = Vector6::new(turn.x, turn.y, turn.z, scaled.x, scaled.y, scaled.z);
+        (vector.dot(&(self.covariance * vector)).max(0.0)).sqrt()
     }
 
     /// From the covariance of parameters that begin with the mount's.
