@@ -70,10 +70,10 @@ pub struct WeakDirection {
 }
 
 impl WeakDirection {
-    /// Whether it is a shift, for the most part.
+    /// Whether it is a shift. A turn shifts the scanner too when its axis passes the target, at 0.2 m from it.
     #[must_use]
     pub fn is_shift(&self) -> bool {
-        self.shift_m.norm() / LENGTH_M >= self.turn_rad.norm()
+        self.turn_rad.norm() < 0.3 * self.shift_m.norm() / LENGTH_M
     }
 }
 
