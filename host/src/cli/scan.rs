@@ -41,7 +41,7 @@ pub struct ScanArgs {
     )]
     pub recording: Option<PathBuf>,
     /// Where the scanner sits on the palm (prehend calibrate-mount), instead of what the recording says
-    #[arg(long, value_name = "MOUNT.toml", requires = "recording")]
+    #[arg(long, value_name = "MOUNT.toml", conflicts_with = "object")]
     pub mount: Option<PathBuf>,
     /// Cloud to write (.ply .pcd .xyz .txt .csv), or - for PLY on standard output
     #[arg(short, long, value_name = "CLOUD")]

@@ -27,7 +27,7 @@ const LEAST_POINTS: usize = 8;
 const LEAST_SPAN_RAD: f64 = 0.7;
 const LEAST_RADIUS_M: f64 = 0.003;
 /// Spheres of unknown radius are no larger.
-const LARGEST_RADIUS_M: f64 = 0.060;
+pub(super) const LARGEST_RADIUS_M: f64 = 0.060;
 /// How much larger than the sphere noise may make a cut.
 const RADIUS_MARGIN: f64 = 1.03;
 /// Distances between three points that propose a circle, as shares of the profile.

@@ -78,13 +78,15 @@ pub enum HandEyeError {
     },
     /// Poses and profiles do not belong together.
     #[error(
-        "poses and profiles do not fit together: points are {:.2} mm (typically) off the targets; is it the right arm, \
-         did the target move, do the clocks agree?",
-        .noise_m * 1e3
+        "poses and profiles do not fit together: points are typically {:.2} mm off the targets, and {:.0} % far off; is \
+         it the right arm, did the target move, do the clocks agree?",
+        .noise_m * 1e3, .outlier_share * 1e2
     )]
     Inconsistent {
         /// Robust standard deviation of the points' distances from the targets.
         noise_m: f64,
+        /// Share of points that are beyond all noise.
+        outlier_share: f64,
     },
     /// The sphere is not as large as was said.
     #[error(

@@ -5,9 +5,10 @@ use std::f64::consts::FRAC_PI_2;
 use nalgebra::{DVector, Isometry3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
+use super::arc::LARGEST_RADIUS_M;
 use super::error::HandEyeError;
 use super::leave_out::{LeaveOneOut, groups, leave_one_out};
-use super::loss::Loss;
+use super::loss::{Loss, robust_scale_m};
 use super::problem::{Free, LENGTH_M, Located, Problem, State, residuals_of};
 use super::seed::{check_poses, cuts, from_cuts, half_turned, located, placed};
 use super::uncertainty::{Uncertainty, WeakDirection, covariance};
@@ -56,6 +57,9 @@ const LEAST_SWEEPS_OF_SEVERAL: usize = 3;
 const LARGEST_CONDITION: f64 = 1000.0;
 /// Points that lie farther off, in the middle, are not those of the targets.
 const LARGEST_NOISE_M: f64 = 0.001;
+/// Nor are they when more of them are outliers.
+const LARGEST_OUTLIER_SHARE: f64 = 0.3;
+const FAR_M: f64 = 0.005;
 /// How much the radius of a sphere may differ from what was said, beyond four standard deviations.
 const RADIUS_TOLERANCE_M: f64 = 0.0002;
 /// Rounds of loss and scale; they end when the scale stays the same within this share.
@@ -83,34 +87,40 @@ pub fn calibrate_mount(
         Err(HandEyeError::NoStart) if start.is_some() => Vec::new(),
         cuts => cuts?,
     };
-    // The radii first say for themselves what they are.
-    let free = Free { mount: true, radii: true };
-    let from = |start: Isometry3<f64>| {
-        let (state, loss) = refined(targets, profiles, located(targets, profiles, &cuts, start), free);
-        (Problem::scale_m(profiles, &state), state, loss)
+    // The radii first say for themselves what they are; but the way there is safer with those that are known.
+    let known = targets.iter().any(|target| matches!(target, Target::Sphere { radius_m: Some(_) }));
+    let from = |start: &Isometry3<f64>| {
+        let state = located(targets, profiles, &cuts, *start);
+        let by_way_of = |held: bool| {
+            let state = if held {
+                refined(targets, profiles, state.clone(), Free { mount: true, radii: false }).0
+            } else {
+                state.clone()
+            };
+            let (state, loss) = refined(targets, profiles, state, Free { mount: true, radii: true });
+            Refined { fit: Goodness::of(profiles, &state, loss), state, loss }
+        };
+        let free = by_way_of(false);
+        if known { by_way_of(true).better(free) } else { free }
     };
-    let (mut noise_m, mut state, mut loss) = match start {
-        Some(start) => from(*start),
+    let mut best = match start {
+        Some(start) => from(start),
         None => {
             check_poses(targets.len(), &cuts)?;
-            from(from_cuts(targets, &cuts))
+            from(&from_cuts(targets, &cuts))
         }
     };
     if start.is_none() {
-        let mut others = Vec::new();
-        if noise_m > LARGEST_NOISE_M {
-            others.extend(cube_rotations().iter().map(|turn| placed(targets, &cuts, turn)));
+        if !best.fit.is_plausible() {
+            let starts: Vec<_> = cube_rotations().iter().map(|turn| placed(targets, &cuts, turn)).collect();
+            let found: Vec<Refined> = starts.par_iter().map(from).collect();
+            best = found.into_iter().fold(best, Refined::better);
         }
-        others.push(half_turned(&state.palm_from_scanner, &cuts));
-        let found: Vec<_> = others.into_par_iter().map(from).collect();
-        for other in found {
-            if other.0 < noise_m {
-                (noise_m, state, loss) = other;
-            }
-        }
+        best = from(&half_turned(&best.state.palm_from_scanner, &cuts)).better(best);
     }
-    if noise_m > LARGEST_NOISE_M {
-        return Err(HandEyeError::Inconsistent { noise_m });
+    let Refined { fit, mut state, loss } = best;
+    if !fit.is_plausible() {
+        return Err(HandEyeError::Inconsistent { noise_m: fit.noise_m, outlier_share: fit.outlier_share });
     }
     let measured_radii_m = measured_radii(targets, profiles, &state, loss)?;
     for (target, located) in targets.iter().zip(&mut state.targets) {
@@ -140,6 +150,55 @@ pub fn calibrate_mount(
         leave_one_out: leave_one_out(targets, profiles, &state, loss),
         targets: state.targets,
     })
+}
+
+/// Where one start led to.
+struct Refined {
+    state: State,
+    loss: Loss,
+    fit: Goodness,
+}
+
+impl Refined {
+    fn better(self, other: Self) -> Self {
+        let rank = |fit: &Goodness| if fit.is_round { fit.misfit_m } else { f64::INFINITY };
+        if rank(&other.fit) < rank(&self.fit) { other } else { self }
+    }
+}
+
+/// How well a state fits.
+struct Goodness {
+    noise_m: f64,
+    outlier_share: f64,
+    /// Root mean square of residuals, none counted for more than [`FAR_M`]. Noise alone would not do to compare fits: it
+    /// speaks of the better half of the points, and a wrong mount may fit those of some sweeps perfectly.
+    misfit_m: f64,
+    /// Whether all spheres are as small as spheres are looked for: one that has grown without bound is a plane, in which
+    /// a wrong mount may lay the caps that the sweeps see.
+    is_round: bool,
+}
+
+impl Goodness {
+    fn of(profiles: &[Profile], state: &State, loss: Loss) -> Self {
+        let residuals = Problem::residuals_m(profiles, state);
+        let count = residuals.len().max(1) as f64;
+        let squares: f64 = residuals.iter().map(|residual| residual.abs().min(FAR_M).powi(2)).sum();
+        let outliers = residuals.iter().filter(|&&residual| loss.weight(residual) == 0.0).count();
+        let round = |target: &Located| match target {
+            Located::Sphere { radius_m, .. } => (0.0..2.0 * LARGEST_RADIUS_M).contains(radius_m),
+            Located::Plane { .. } => true,
+        };
+        Self {
+            is_round: state.targets.iter().all(round),
+            noise_m: robust_scale_m(residuals),
+            outlier_share: outliers as f64 / count,
+            misfit_m: (squares / count).sqrt(),
+        }
+    }
+
+    fn is_plausible(&self) -> bool {
+        self.is_round && self.noise_m <= LARGEST_NOISE_M && self.outlier_share <= LARGEST_OUTLIER_SHARE
+    }
 }
 
 /// The 24 rotations that bring a cube's edges onto its edges: none is farther than 63 degrees from one of them.
