@@ -139,7 +139,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Hands out each profile's index, and its points' residuals with their rows if asked for.
-    pub(super) fn each_profile(&self, steps: &DVector<f64>, visit: &mut dyn FnMut(usize, &[(f64, Row)])) {
+    pub(super) fn each_profile(&self, steps: &DVector<f64>, mut visit: impl FnMut(usize, &[(f64, Row)])) {
         let state = self.moved(steps);
         let mount = state.palm_from_scanner;
         // The turn's own derivative, away from zero (Sola et al. 2018, equation 145).
@@ -237,7 +237,7 @@ impl LeastSquares for Problem<'_> {
         jtj.fill(0.0);
         jtr.fill(0.0);
         let mut cost = 0.0;
-        self.each_profile(steps, &mut |profile, rows| {
+        self.each_profile(steps, |profile, rows| {
             let (mut square, mut right) = (SMatrix::<f64, COLUMNS, COLUMNS>::zeros(), Row::zeros());
             for (residual, row) in rows {
                 let weight = self.loss.weight(*residual);

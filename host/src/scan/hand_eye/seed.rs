@@ -42,6 +42,8 @@ const CENTER_NOISE_M: f64 = 0.0005;
 const LEAST_SPREAD_RAD: f64 = 0.05;
 /// Spread of the ball's places in the field about a line, below which a turn about it is not told.
 const LEAST_FIELD_M: f64 = 0.001;
+/// Spread about a line above which half a turn about it is plainly wrong.
+const NEAR_LINE_M: f64 = 0.006;
 const MAX_ROUNDS: u32 = 20;
 /// The largest cut of so many is taken for the equator's; noise makes some larger.
 const EQUATOR_SHARE: f64 = 0.95;
@@ -173,13 +175,16 @@ impl FieldLine {
 }
 
 /// The mount that fits nearly as well where the spheres' places in the field are near a line: turned by half a turn
-/// about it.
-pub(super) fn half_turned(mount: &Isometry3<f64>, cuts: &[Cut]) -> Isometry3<f64> {
-    let FieldLine { middle_m, along, .. } = FieldLine::of(cuts);
+/// about it. `None` where they are not.
+pub(super) fn half_turned(mount: &Isometry3<f64>, cuts: &[Cut]) -> Option<Isometry3<f64>> {
+    let FieldLine { middle_m, along, spread_m } = FieldLine::of(cuts);
+    if spread_m > NEAR_LINE_M {
+        return None;
+    }
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.0, along.x, along.y) * PI);
     let middle = Point3::new(0.0, middle_m.x, middle_m.y);
     let about = Translation3::from(middle) * turn * Translation3::from(middle).inverse();
-    mount * about
+    Some(mount * about)
 }
 
 /// Which turns of the palm are missing. With one orientation R alone, a shift of the mount by d and of the centre by R d

@@ -100,8 +100,9 @@ pub fn calibrate_mount(
             let (state, loss) = refined(targets, profiles, state, Free { mount: true, radii: true });
             Refined { fit: Goodness::of(profiles, &state, loss), state, loss }
         };
-        let free = by_way_of(false);
-        if known { by_way_of(true).better(free) } else { free }
+        let first = by_way_of(known);
+        // A radius that was given wrong may have led astray.
+        if known && !first.fit.is_plausible() { first.better(by_way_of(false)) } else { first }
     };
     let mut best = match start {
         Some(start) => from(start),
@@ -116,7 +117,9 @@ pub fn calibrate_mount(
             let found: Vec<Refined> = starts.par_iter().map(from).collect();
             best = found.into_iter().fold(best, Refined::better);
         }
-        best = from(&half_turned(&best.state.palm_from_scanner, &cuts)).better(best);
+        if let Some(start) = half_turned(&best.state.palm_from_scanner, &cuts) {
+            best = from(&start).better(best);
+        }
     }
     let Refined { fit, mut state, loss } = best;
     if !fit.is_plausible() {

@@ -73,25 +73,25 @@ fn lit(
     ray: &Vector3<f64>,
 ) -> Option<Point3<f64>> {
     let scanner_from_base = base_from_scanner.inverse();
-    let (reach, normal): (f64, Box<dyn Fn(&Point3<f64>) -> Vector3<f64>>) = match *target {
+    let (reach, point, normal) = match *target {
         Located::Sphere { center_m, radius_m } => {
             let center = (scanner_from_base * center_m).coords;
             let along = ray.dot(&center);
-            let inside = along * along - center.norm_squared() + radius_m * radius_m;
-            (along - inside.sqrt(), Box::new(move |p| (p.coords - center) / radius_m))
+            let reach = along - (along * along - center.norm_squared() + radius_m * radius_m).sqrt();
+            (reach, ray * reach, (ray * reach - center) / radius_m)
         }
         Located::Plane { normal, offset_m } => {
             let in_scanner = scanner_from_base.rotation * normal;
             let offset = offset_m - normal.dot(&base_from_scanner.translation.vector);
-            let facing = in_scanner * -offset.signum();
-            (offset / in_scanner.dot(ray), Box::new(move |_| facing))
+            let reach = offset / in_scanner.dot(ray);
+            (reach, ray * reach, in_scanner * -offset.signum())
         }
     };
-    let point = Point3::from(ray * reach);
+    let point = Point3::from(point);
+    // Not where a ray misses, whose reach is not a number.
     if !(reach > 0.0 && (0.151..0.249).contains(&point.z) && point.y.abs() < 0.052) {
         return None;
     }
-    let normal = normal(&point);
     let [left, right] = Camera::ALL.map(|camera| instrument.camera_center(camera));
     let seen = |eye: Point3<f64>| (eye - point).normalize().dot(&normal) > instrument.max_incidence_rad.cos();
     (seen(Point3::origin()) && seen(left) && seen(right)).then_some(point)

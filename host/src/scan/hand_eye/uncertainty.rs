@@ -4,7 +4,7 @@ use std::fmt;
 
 use nalgebra::{DMatrix, DVector, Matrix6, SMatrix, SymmetricEigen, Vector3, Vector6};
 
-use super::problem::{COLUMNS, LENGTH_M, MOUNT, Problem, Row};
+use super::problem::{COLUMNS, LENGTH_M, MOUNT, Problem};
 use crate::scan::levenberg::LeastSquares;
 
 /// Covariance of a mount.
@@ -119,7 +119,7 @@ pub(super) fn covariance(problem: &Problem<'_>) -> Covariance {
     problem.linearise(&zero, &mut normal, &mut gradient);
     let mut pulls = DMatrix::zeros(n, n);
     let (mut points, mut weights, mut curvatures) = (0.0, 0.0, 0.0);
-    problem.each_profile(&zero, &mut |profile, rows: &[(f64, Row)]| {
+    problem.each_profile(&zero, |profile, rows| {
         let mut square = SMatrix::<f64, COLUMNS, COLUMNS>::zeros();
         for (residual, row) in rows {
             let weight = problem.loss.weight(*residual);
