@@ -9,6 +9,7 @@ use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 use crate::io::{Unit, read_mesh};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::Arm;
+use crate::scan::hand_eye::MountFile;
 use crate::surface::{Mesh, Pick};
 
 /// Height of the virtual cell's table in the base frame, metres.
@@ -90,6 +91,19 @@ pub(super) fn arm(path: &Path) -> anyhow::Result<Arm> {
     );
     let text = std::fs::read_to_string(path).with_context(name)?;
     Arm::from_toml(&text).with_context(name)
+}
+
+/// Largest mount that is read, bytes.
+const MAX_MOUNT_BYTES: u64 = 1 << 16;
+
+/// Where the scanner sits on the palm, as a TOML file of `prehend calibrate-mount` says.
+pub(super) fn mount(path: &Path) -> anyhow::Result<Isometry3<f64>> {
+    let name = || path.display().to_string();
+    let metadata = std::fs::metadata(path).with_context(name)?;
+    let is_sane = metadata.is_file() && metadata.len() <= MAX_MOUNT_BYTES;
+    ensure!(is_sane, "{}: not a file, or larger than a mount", path.display());
+    let text = std::fs::read_to_string(path).with_context(name)?;
+    MountFile::palm_from_scanner(&text).with_context(name)
 }
 
 /// A built-in object by its name, or a mesh file, with its warnings printed to stderr.

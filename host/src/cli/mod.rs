@@ -13,6 +13,8 @@ use clap::{Parser, Subcommand};
 use crate::io::write_atomically;
 
 pub mod calibrate;
+pub mod calibrate_mount;
+mod calibrate_mount_virtual;
 pub mod demo;
 pub mod execute;
 pub mod experiment;
@@ -53,6 +55,8 @@ enum Command {
     Demo(demo::DemoArgs),
     /// Marker pairs -> calibration of a scanner's camera, with its errors
     Calibrate(calibrate::CalibrateArgs),
+    /// Scans of a ball -> where the scanner sits on the palm, with how well that is known
+    CalibrateMount(calibrate_mount::CalibrateMountArgs),
     /// Laser-stripe scan of an object in the virtual cell -> cloud in the robot's base frame
     Scan(scan::ScanArgs),
     /// Point cloud -> triangle mesh, by Hoppe's method
@@ -95,6 +99,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     match command {
         Command::Demo(args) => demo::run(&args, out),
         Command::Calibrate(args) => calibrate::run(&args, out),
+        Command::CalibrateMount(args) => calibrate_mount::run(&args, out),
         Command::Scan(args) => scan::run(&args, out),
         Command::Reconstruct(args) => reconstruct::run(&args, out),
         Command::Plan(args) => plan::run(&args, out),

@@ -25,7 +25,7 @@ use crate::surface::{Mesh, Plane, PointCloud};
 #[derive(Debug, Clone, Args)]
 #[command(
     group = ArgGroup::new("source").required(true).args(["object", "recording"]),
-    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd\n  prehend scan --virtual mouse --images --sweeps paper -o cloud.ply\n  prehend scan --virtual mouse --sweeps paper --record mouse-scan -o cloud.ply\n  prehend scan --recording mouse-scan -o cloud.ply"
+    after_help = "Examples:\n  prehend scan --virtual teacup-cover -o cloud.ply\n  prehend scan --virtual mug.stl --unit mm -o mug.pcd\n  prehend scan --virtual mouse --images --sweeps paper -o cloud.ply\n  prehend scan --virtual mouse --sweeps paper --record mouse-scan -o cloud.ply\n  prehend scan --recording mouse-scan -o cloud.ply\n  prehend scan --recording mouse-scan --mount mount.toml -o cloud.ply"
 )]
 pub struct ScanArgs {
     /// Object in the virtual cell: teacup-cover, cube, cylinder, mouse, disk, or a mesh file (stood upright in its own z)
@@ -40,6 +40,9 @@ pub struct ScanArgs {
         ]
     )]
     pub recording: Option<PathBuf>,
+    /// Where the scanner sits on the palm (prehend calibrate-mount), instead of what the recording says
+    #[arg(long, value_name = "MOUNT.toml", conflicts_with = "object")]
+    pub mount: Option<PathBuf>,
     /// Cloud to write (.ply .pcd .xyz .txt .csv), or - for PLY on standard output
     #[arg(short, long, value_name = "CLOUD")]
     pub output: PathBuf,
@@ -144,7 +147,9 @@ pub fn run(args: &ScanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         "--clock-offset-ms and --keep-clock are for scans by images, and this one is by rays: add --images"
     );
     let (mut cloud, mut summary) = match (&args.recording, &args.object) {
-        (Some(folder), _) => of_images(scan_images::recorded(folder, !args.keep_clock)?),
+        (Some(folder), _) => {
+            of_images(scan_images::recorded(folder, args.mount.as_deref(), !args.keep_clock)?)
+        }
         (None, Some(name)) => {
             let object = input::object(name, args.unit, None, 0.4)?;
             let scanning = || format!("scanning {}", object.name);

@@ -90,10 +90,18 @@ impl ImageSummary {
     }
 }
 
-/// Measures a recording; its warnings go to stderr.
-pub(super) fn recorded(folder: &Path, correct_clock: bool) -> anyhow::Result<ImageScan> {
+/// Measures a recording, with the scanner mounted as a file says if one is given; warnings go to stderr.
+pub(super) fn recorded(
+    folder: &Path,
+    mount: Option<&Path>,
+    correct_clock: bool,
+) -> anyhow::Result<ImageScan> {
     let clock = Instant::now();
-    let read = read_recording(folder)?;
+    let mount = mount.map(input::mount).transpose()?;
+    let mut read = read_recording(folder)?;
+    if let Some(mount) = mount {
+        read.capture.rig.palm_from_scanner = mount;
+    }
     input::warn(folder.display(), &read.warnings);
     let images_s = clock.elapsed().as_secs_f64();
     let frames = &read.capture.frames;

@@ -8,6 +8,7 @@ mod hand_bus;
 mod lifts;
 mod meshes;
 mod metric;
+mod mount;
 mod path;
 mod recording;
 mod schema;

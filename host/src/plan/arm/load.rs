@@ -5,7 +5,7 @@ use nalgebra::{Matrix3, Point3};
 use super::Arm;
 
 /// Standard gravity, m/s^2.
-pub(crate) const GRAVITY_M_PER_S2: f64 = 9.806_65;
+pub const GRAVITY_M_PER_S2: f64 = 9.806_65;
 
 /// What the manufacturer allows at the wrist. In each pair the first value allows full speed and the second one only
 /// the reduced speed and acceleration.

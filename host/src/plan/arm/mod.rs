@@ -30,8 +30,7 @@ pub use file::ArmFileError;
 pub use inverse::{Branch, Elbow, Inverse, Shoulder, Solution, Solutions, Wrist};
 pub use limits::{JointLimits, LimitCheck};
 pub use line::{LineBlock, LineOutcome};
-pub(crate) use load::GRAVITY_M_PER_S2;
-pub use load::{LoadCheck, LoadMode, LoadQuantity, LoadRating, Payload};
+pub use load::{GRAVITY_M_PER_S2, LoadCheck, LoadMode, LoadQuantity, LoadRating, Payload};
 pub use margin::Margin;
 pub use params::{ArmParams, OpwGeometry};
 

@@ -8,7 +8,6 @@
 mod cmm;
 mod file;
 mod hull;
-mod levenberg;
 mod markers;
 mod model;
 mod network;

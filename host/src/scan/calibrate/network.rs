@@ -5,8 +5,8 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::levenberg::{LeastSquares, Levenberg, Step};
 use super::scaling::Scaling;
+use crate::scan::levenberg::{LeastSquares, Levenberg, Step};
 
 const INPUTS: usize = 2;
 const FIRST: usize = 6;

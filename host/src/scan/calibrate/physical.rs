@@ -3,8 +3,8 @@
 use nalgebra::{DMatrix, DVector, Matrix2, Matrix3, SMatrix, SVector, Vector2, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::levenberg::{LeastSquares, Levenberg, Step};
 use super::scaling::Scaling;
+use crate::scan::levenberg::{LeastSquares, Levenberg, Step};
 
 /// Eight of the homography, radial k1 and k2, tangential p1 and p2, and the centre of distortion.
 pub const PHYSICAL_PARAMETERS: usize = 14;

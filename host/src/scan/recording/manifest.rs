@@ -48,9 +48,10 @@ pub(super) struct Clock {
     pub(super) offset_s: f64,
 }
 
+/// A pose as files have it.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Pose {
+pub(in crate::scan) struct Pose {
     position_m: [f64; 3],
     orientation_wxyz: [f64; 4],
 }
@@ -70,13 +71,13 @@ const UNIT_TOLERANCE: f64 = 1e-6;
 const ROUNDING: f64 = 1e-12;
 
 impl Pose {
-    fn of(pose: &Isometry3<f64>) -> Self {
+    pub(in crate::scan) fn of(pose: &Isometry3<f64>) -> Self {
         let q = pose.rotation.quaternion();
         Self { position_m: pose.translation.vector.into(), orientation_wxyz: [q.w, q.i, q.j, q.k] }
     }
 
     /// `None` when the numbers are no pose.
-    fn isometry(&self) -> Option<Isometry3<f64>> {
+    pub(in crate::scan) fn isometry(&self) -> Option<Isometry3<f64>> {
         let [w, i, j, k] = self.orientation_wxyz;
         let quaternion = Quaternion::new(w, i, j, k);
         let off = (quaternion.norm() - 1.0).abs();

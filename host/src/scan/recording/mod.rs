@@ -14,6 +14,7 @@ mod write;
 
 pub use error::{RecordingError, RowProblem};
 pub use manifest::Content;
+pub(in crate::scan) use manifest::Pose;
 pub use read::{ReadRecording, read_recording};
 pub use write::RecordingWriter;
 
