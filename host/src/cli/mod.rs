@@ -8,11 +8,12 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::io::write_atomically;
 
 pub mod calibrate;
+pub mod completions;
 pub mod demo;
 pub mod execute;
 pub mod experiment;
@@ -21,6 +22,7 @@ pub mod hand;
 pub mod hand_bus;
 pub mod hand_file;
 mod input;
+pub mod man;
 mod pipeline;
 pub mod plan;
 mod planning;
@@ -69,6 +71,18 @@ enum Command {
     Export(export::ExportArgs),
     /// A hand: what a robot description says of it, or bring-up of one at the end of a line
     Hand(hand::HandCommandArgs),
+    /// Completion of commands and options, for a shell
+    Completions(completions::CompletionsArgs),
+    /// Manual pages, one a command
+    Man(man::ManArgs),
+}
+
+/// The whole command line, as completions and manual pages describe it.
+fn definition() -> clap::Command {
+    // Without `help COMMAND`: it would be described once more for every command.
+    let mut definition = Cli::command().disable_help_subcommand(true);
+    definition.build();
+    definition
 }
 
 /// Parses, runs, reports. Returns the exit status.
@@ -103,6 +117,8 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Experiment(args) => experiment::run(&args, out),
         Command::Export(args) => export::run(&args, out),
         Command::Hand(args) => hand::run(&args, out),
+        Command::Completions(args) => completions::run(&args, out),
+        Command::Man(args) => man::run(&args, out),
     }
 }
 
