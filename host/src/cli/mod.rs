@@ -13,8 +13,10 @@ use clap::{CommandFactory, Parser, Subcommand};
 use crate::io::write_atomically;
 
 pub mod calibrate;
+mod colour;
 pub mod completions;
 pub mod demo;
+pub mod doctor;
 pub mod execute;
 pub mod experiment;
 pub mod export;
@@ -71,6 +73,8 @@ enum Command {
     Export(export::ExportArgs),
     /// A hand: what a robot description says of it, or bring-up of one at the end of a line
     Hand(hand::HandCommandArgs),
+    /// What this machine has of what prehend needs, and what to do about the rest
+    Doctor(doctor::DoctorArgs),
     /// Completion of commands and options, for a shell
     Completions(completions::CompletionsArgs),
     /// Manual pages, one a command
@@ -117,6 +121,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Experiment(args) => experiment::run(&args, out),
         Command::Export(args) => export::run(&args, out),
         Command::Hand(args) => hand::run(&args, out),
+        Command::Doctor(args) => doctor::run(&args, out),
         Command::Completions(args) => completions::run(&args, out),
         Command::Man(args) => man::run(&args, out),
     }
@@ -151,7 +156,7 @@ fn usage(error: &clap::Error) -> u8 {
 fn report(message: &str) {
     // One line, whatever the parts say. Nobody is left to tell when stderr is gone too.
     let line = message.split('\n').map(str::trim).collect::<Vec<_>>().join(" ");
-    let _ = writeln!(io::stderr(), "error: {line}");
+    let _ = writeln!(anstream::stderr(), "{} {line}", colour::styled("error:", colour::BAD));
 }
 
 /// Standard output whose errors say that it is the one that failed, as those of files do.
