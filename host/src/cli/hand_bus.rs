@@ -115,10 +115,10 @@ pub struct LogArgs {
 )]
 pub struct MonitorArgs {
     /// States to print; for ever by default
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub count: Option<u64>,
     /// States per second
-    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = input::positive)]
+    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = input::positive, allow_negative_numbers = true)]
     pub rate: f64,
     #[command(flatten)]
     link: LinkArgs,

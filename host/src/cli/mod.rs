@@ -11,6 +11,8 @@ use clap::error::ErrorKind;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::io::write_atomically;
+use crate::link::address::OpenError;
+use crate::link::port::PortError;
 
 pub mod calibrate;
 mod colour;
@@ -91,9 +93,10 @@ fn definition() -> clap::Command {
 
 /// Parses, runs, reports. Returns the exit status.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
-        Err(error) => return usage(&error),
+        Err(error) => return usage(&error, &arguments),
     };
     let mut out = StandardOutput(io::stdout().lock());
     let result = run(cli.command, &mut out).and_then(|outcome| Ok(out.flush().map(|()| outcome)?));
@@ -103,7 +106,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         // Whoever reads from us has seen enough.
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {
-            report(&chain(&error));
+            let next = next_step(&error).map_or_else(String::new, |next| format!(" ({next})"));
+            report(&(chain(&error) + &next));
             2
         }
     }
@@ -128,7 +132,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
 }
 
 /// Help and version are printed whole; of a wrong call, the one line that says what is wrong.
-fn usage(error: &clap::Error) -> u8 {
+fn usage(error: &clap::Error, arguments: &[OsString]) -> u8 {
     if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         // Printing help to a closed pipe is no failure either.
         let _ = error.print();
@@ -149,8 +153,36 @@ fn usage(error: &clap::Error) -> u8 {
     } else if let Some(words) = lines.get(1).filter(|line| line.starts_with("[possible values")) {
         message = format!("{message} {words}");
     }
-    report(&format!("{message} (see prehend --help)"));
+    report(&format!("{message} (see {} --help)", command_of(arguments)));
     2
+}
+
+/// The command that was called, as far as its words are known: `prehend hand show`.
+fn command_of(arguments: &[OsString]) -> String {
+    let definition = definition();
+    let mut command = &definition;
+    let mut name = command.get_name().to_owned();
+    for word in arguments.iter().skip(1) {
+        let Some(below) = command.find_subcommand(word) else { break };
+        command = below;
+        name = format!("{name} {}", below.get_name());
+    }
+    name
+}
+
+/// What to do about an error that does not say so itself: those of lines, where the system says only what it met.
+fn next_step(error: &anyhow::Error) -> Option<&'static str> {
+    let open = error.downcast_ref::<OpenError>()?;
+    let OpenError::Port(PortError::Open { source, .. }) = open else { return None };
+    Some(match source.kind() {
+        io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied => {
+            "see prehend doctor --for hand: which devices there are, and which you may open"
+        }
+        io::ErrorKind::ConnectionRefused | io::ErrorKind::TimedOut => {
+            "is the hand's bridge switched on, and is this its port?"
+        }
+        _ => "see prehend hand --help for what --link takes",
+    })
 }
 
 fn report(message: &str) {

@@ -1,6 +1,6 @@
 //! Colours and progress: on terminals that have them, and nowhere else.
 
-use std::io::{ErrorKind, Read};
+use std::io::ErrorKind;
 use std::os::fd::AsFd;
 use std::process::Stdio;
 use std::time::Duration;
@@ -74,7 +74,7 @@ fn a_pipe_has_no_colours_unless_they_are_forced() {
 
 #[test]
 fn progress_is_drawn_where_the_cursor_moves() {
-    let call = "scan --virtual cube -o cloud.ply";
+    let call = "plan cube --strategy paper -o plan.json";
     assert!(at_terminal(call, &[]).contains(ESCAPE));
     assert!(!at_terminal(call, &[("TERM", "dumb")]).contains(ESCAPE));
 }

@@ -272,7 +272,7 @@ pub(crate) const EXPERIMENT: &[WrongCall] = &[
 
 pub(crate) const CALIBRATE: &[WrongCall] = &[
     ("calibrate", "--output"),
-    ("calibrate --markers none.csv -o @.toml", "none.csv: no such file"),
+    ("calibrate --markers none.csv -o @.toml", "none.csv: No such file"),
     ("calibrate --markers folder -o @.toml", "folder"),
     ("calibrate --markers empty.csv -o @.toml", "empty.csv"),
     ("calibrate --markers garbage.csv -o @.toml", "garbage.csv"),
@@ -291,15 +291,14 @@ pub(crate) const HAND: &[WrongCall] = &[
     ("hand show empty.urdf", "empty.urdf"),
     ("hand show garbage.urdf", "garbage.urdf"),
     ("hand show box.off", "box.off"),
-    ("hand wave", "'wave'"),
+    ("hand wave", "'wave' (see prehend hand --help)"),
     ("hand info", "--link"),
     ("hand info --link usb:1", "there are serial:DEVICE[@BAUD]"),
-    ("hand info --link serial:/dev/none@fast", "is no link"),
-    ("hand info --link serial:/dev/none", "/dev/none: "),
+    ("hand info --link serial:/dev/none", "(see prehend doctor --for hand: "),
     ("hand info --link serial:folder", "folder: "),
     ("hand info --link serial:box.off", "box.off: "),
     ("hand info --link qemu:none.elf", "none.elf: No such file"),
-    ("hand params bus.hold=1 --link tcp:127.0.0.1:1", "127.0.0.1:1: "),
+    ("hand params bus.hold=1 --link tcp:127.0.0.1:1", "(is the hand's bridge switched on, "),
     ("hand zero toe --link tcp:127.0.0.1:1", "no joint \"toe\""),
     ("hand log --black-box @.csv --link tcp:127.0.0.1:1", "127.0.0.1:1: "),
     ("hand monitor --rate 0 --link tcp:127.0.0.1:1", "'0' for '--rate"),
@@ -316,7 +315,7 @@ pub(crate) const SHELL: &[WrongCall] = &[
     ("man box.off/below", "box.off/below"),
     ("doctor --for surgery", "[possible values: plan, hand, firmware, test]"),
     ("doctor --for", "--for"),
-    ("doctor plan", "'plan'"),
+    ("doctor plan", "'plan' found (see prehend doctor --help)"),
 ];
 
 /// Calls that are in order and end in a no: the words are on standard output.

@@ -16,8 +16,9 @@ struct Shape {
     /// Which of them name files to read, and which to write.
     inputs: &'static [&'static str],
     outputs: &'static [&'static str],
-    /// Options that take a number of 0 or more, one that may be negative, and a whole one.
+    /// Options that take a number of 0 or more.
     amounts: &'static [&'static str],
+    /// Options that take a whole number of 0 or more.
     counts: &'static [&'static str],
     /// Options that take one of a few words.
     choices: &'static [&'static str],
@@ -171,9 +172,13 @@ impl Shape {
         ] {
             for option in options {
                 for value in values {
-                    // The option is what an error about a word that is not there can name.
-                    let named = if value.is_empty() { option } else { value };
-                    cases.push((self.with(&[option.as_ref(), value.as_ref()]), (*named).to_owned()));
+                    let named = match *value {
+                        // An error about a word that is not there can only name the option.
+                        "" => (*option).to_owned(),
+                        _ if self.choices.contains(option) => (*value).to_owned(),
+                        _ => format!("'{value}' for '{option}"),
+                    };
+                    cases.push((self.with(&[option.as_ref(), value.as_ref()]), named));
                 }
                 cases.push((self.with(&[option.as_ref()]), (*option).to_owned()));
                 cases.push((self.with(&[option.as_ref(), &foreign("x")]), String::new()));
