@@ -44,9 +44,9 @@ pub fn run(args: &ManArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     for (path, page) in &missing {
         write_atomically(path, |writer| writer.write_all(page.as_bytes()))?;
     }
-    let folder = args.folder.display();
-    writeln!(out, "wrote {} of {} pages into {folder}; read them by", missing.len(), pages.len())?;
-    writeln!(out, "man -l {}", args.folder.join("prehend.1").display())?;
+    let folder = &args.folder;
+    writeln!(out, "wrote {} of {} pages into {}", missing.len(), pages.len(), folder.display())?;
+    writeln!(out, "to read one: man -l {}", folder.join("prehend.1").display())?;
     Ok(Outcome::Done)
 }
 
