@@ -34,13 +34,13 @@ pub struct CalibrateArgs {
     #[arg(long, value_enum, value_name = "SIDE", conflicts_with_all = ["markers", "rippled"])]
     pub camera: Option<Side>,
     /// Noise of the virtual bench's markers, pixels
-    #[arg(long, value_name = "PX", default_value_t = 0.1, value_parser = input::not_negative, conflicts_with = "markers")]
+    #[arg(long, value_name = "PX", default_value_t = 0.1, value_parser = input::not_negative, allow_negative_numbers = true, conflicts_with = "markers")]
     pub noise: f64,
     /// Optics that no lens model fits, on the virtual bench: 0.25 px of ripple, laser sheet bowed by 0.1 mm
     #[arg(long, conflicts_with = "markers")]
     pub rippled: bool,
     /// Seed of the networks' first weights, and of the virtual bench's noise
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// Print one JSON document on standard output
     #[arg(long)]

@@ -55,6 +55,9 @@ pub struct LinkArgs {
 
 /// Arguments of `hand info`.
 #[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  prehend hand info --link serial:/dev/ttyUSB0\n  prehend hand info --link qemu --json"
+)]
 pub struct InfoArgs {
     #[command(flatten)]
     link: LinkArgs,
@@ -81,6 +84,9 @@ pub struct ParamsArgs {
 
 /// Arguments of `hand zero`.
 #[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  prehend hand zero --link serial:/dev/ttyUSB0\n  prehend hand zero thumb_flexion index_flexion --link tcp:hand.local:5000"
+)]
 pub struct ZeroArgs {
     /// Joints, as in plans; all by default
     #[arg(value_name = "JOINT")]
@@ -91,6 +97,9 @@ pub struct ZeroArgs {
 
 /// Arguments of `hand log`.
 #[derive(Debug, Clone, Args)]
+#[command(
+    after_help = "Examples:\n  prehend hand log --link serial:/dev/ttyUSB0\n  prehend hand log --black-box box.csv --link qemu"
+)]
 pub struct LogArgs {
     /// Write the black box to this file, as a table
     #[arg(long, value_name = "FILE.csv")]
@@ -102,14 +111,14 @@ pub struct LogArgs {
 /// Arguments of `hand monitor`.
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Set-points go to the hand with the control word 0: a hand that had torque lets go.\n\nExample: prehend hand monitor --link tcp:hand.local:5000 --count 100 --json"
+    after_help = "Set-points go to the hand with the control word 0: a hand that had torque lets go.\n\nExamples:\n  prehend hand monitor --link tcp:hand.local:5000 --count 100 --json"
 )]
 pub struct MonitorArgs {
     /// States to print; for ever by default
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub count: Option<u64>,
     /// States per second
-    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = input::positive)]
+    #[arg(long, value_name = "HZ", default_value_t = 10.0, value_parser = input::positive, allow_negative_numbers = true)]
     pub rate: f64,
     #[command(flatten)]
     link: LinkArgs,

@@ -6,6 +6,7 @@ use std::path::Path;
 use anyhow::{Context, bail, ensure};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
+use super::colour;
 use crate::io::{Unit, read_mesh};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::Arm;
@@ -135,7 +136,11 @@ pub(super) fn assumed_mass_kg(mesh: &Mesh) -> f64 {
 pub(super) fn warn(file: impl std::fmt::Display, warnings: &[String]) {
     for warning in warnings {
         // Nobody is left to tell when stderr is gone.
-        let _ = writeln!(std::io::stderr(), "warning: {file}: {warning}");
+        let _ = writeln!(
+            anstream::stderr(),
+            "{} {file}: {warning}",
+            colour::styled("warning:", colour::DOUBTFUL)
+        );
     }
 }
 
@@ -156,5 +161,6 @@ pub(super) fn stands_in_cell(mesh: &Mesh, table_height_m: f64) -> bool {
 
 /// Makes a folder for results, with its parents.
 pub(super) fn make_folder(path: &Path) -> anyhow::Result<()> {
+    ensure!(path.is_dir() || !path.exists(), "{}: is a file, not a folder: name another", path.display());
     std::fs::create_dir_all(path).with_context(|| format!("making folder {}", path.display()))
 }

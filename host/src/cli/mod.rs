@@ -8,14 +8,19 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use clap::error::ErrorKind;
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::io::write_atomically;
+use crate::link::address::OpenError;
+use crate::link::port::PortError;
 
 pub mod calibrate;
 pub mod calibrate_mount;
 mod calibrate_mount_virtual;
+mod colour;
+pub mod completions;
 pub mod demo;
+pub mod doctor;
 pub mod execute;
 pub mod experiment;
 pub mod export;
@@ -23,6 +28,7 @@ pub mod hand;
 pub mod hand_bus;
 pub mod hand_file;
 mod input;
+pub mod man;
 mod pipeline;
 pub mod plan;
 mod planning;
@@ -73,13 +79,28 @@ enum Command {
     Export(export::ExportArgs),
     /// A hand: what a robot description says of it, or bring-up of one at the end of a line
     Hand(hand::HandCommandArgs),
+    /// What this machine has of what prehend needs, and what to do about the rest
+    Doctor(doctor::DoctorArgs),
+    /// Completion of commands and options, for a shell
+    Completions(completions::CompletionsArgs),
+    /// Manual pages, one a command
+    Man(man::ManArgs),
+}
+
+/// The whole command line, as completions and manual pages describe it.
+fn definition() -> clap::Command {
+    // Without `help COMMAND`: it would be described once more for every command.
+    let mut definition = Cli::command().disable_help_subcommand(true);
+    definition.build();
+    definition
 }
 
 /// Parses, runs, reports. Returns the exit status.
 pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
-    let cli = match Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
-        Err(error) => return usage(&error),
+        Err(error) => return usage(&error, &arguments),
     };
     let mut out = StandardOutput(io::stdout().lock());
     let result = run(cli.command, &mut out).and_then(|outcome| Ok(out.flush().map(|()| outcome)?));
@@ -89,7 +110,8 @@ pub fn main(arguments: impl IntoIterator<Item = OsString>) -> u8 {
         // Whoever reads from us has seen enough.
         Err(error) if is_broken_pipe(&error) => 0,
         Err(error) => {
-            report(&chain(&error));
+            let next = next_step(&error).map_or_else(String::new, |next| format!(" ({next})"));
+            report(&(chain(&error) + &next));
             2
         }
     }
@@ -108,11 +130,14 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Experiment(args) => experiment::run(&args, out),
         Command::Export(args) => export::run(&args, out),
         Command::Hand(args) => hand::run(&args, out),
+        Command::Doctor(args) => doctor::run(&args, out),
+        Command::Completions(args) => completions::run(&args, out),
+        Command::Man(args) => man::run(&args, out),
     }
 }
 
 /// Help and version are printed whole; of a wrong call, the one line that says what is wrong.
-fn usage(error: &clap::Error) -> u8 {
+fn usage(error: &clap::Error, arguments: &[OsString]) -> u8 {
     if matches!(error.kind(), ErrorKind::DisplayHelp | ErrorKind::DisplayVersion) {
         // Printing help to a closed pipe is no failure either.
         let _ = error.print();
@@ -133,14 +158,42 @@ fn usage(error: &clap::Error) -> u8 {
     } else if let Some(words) = lines.get(1).filter(|line| line.starts_with("[possible values")) {
         message = format!("{message} {words}");
     }
-    report(&format!("{message} (see prehend --help)"));
+    report(&format!("{message} (see {} --help)", command_of(arguments)));
     2
+}
+
+/// The command that was called, as far as its words are known: `prehend hand show`.
+fn command_of(arguments: &[OsString]) -> String {
+    let definition = definition();
+    let mut command = &definition;
+    let mut name = command.get_name().to_owned();
+    for word in arguments.iter().skip(1) {
+        let Some(below) = command.find_subcommand(word) else { break };
+        command = below;
+        name = format!("{name} {}", below.get_name());
+    }
+    name
+}
+
+/// What to do about an error that does not say so itself: those of lines, where the system says only what it met.
+fn next_step(error: &anyhow::Error) -> Option<&'static str> {
+    let open = error.downcast_ref::<OpenError>()?;
+    let OpenError::Port(PortError::Open { source, .. }) = open else { return None };
+    Some(match source.kind() {
+        io::ErrorKind::NotFound | io::ErrorKind::PermissionDenied => {
+            "see prehend doctor --for hand: which devices there are, and which you may open"
+        }
+        io::ErrorKind::ConnectionRefused | io::ErrorKind::TimedOut => {
+            "is the hand's bridge switched on, and is this its port?"
+        }
+        _ => "see prehend hand --help for what --link takes",
+    })
 }
 
 fn report(message: &str) {
     // One line, whatever the parts say. Nobody is left to tell when stderr is gone too.
     let line = message.split('\n').map(str::trim).collect::<Vec<_>>().join(" ");
-    let _ = writeln!(io::stderr(), "error: {line}");
+    let _ = writeln!(anstream::stderr(), "{} {line}", colour::styled("error:", colour::BAD));
 }
 
 /// Standard output whose errors say that it is the one that failed, as those of files do.

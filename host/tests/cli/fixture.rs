@@ -24,14 +24,14 @@ pub(crate) fn fill(folder: &Path) {
     for name in ["folder", "folder.ply", "folder.stl", "folder.toml", "kept"] {
         fs::create_dir(folder.join(name)).unwrap();
     }
-    for name in ["kept.ply", "kept.stl", "kept.xyz", "kept.json"] {
+    for name in ["kept.ply", "kept.stl", "kept.xyz", "kept.json", "kept.toml", "kept.csv"] {
         write(name, b"somebody's work\n");
     }
-    for name in ["empty.ply", "empty.json"] {
+    for name in ["empty.ply", "empty.json", "empty.csv", "empty.urdf"] {
         write(name, b"");
     }
     let garbage: Vec<u8> = (0..2000u32).map(|k| (k.wrapping_mul(2_654_435_761) >> 24) as u8).collect();
-    for name in ["garbage.ply", "garbage.stl", "garbage.bin"] {
+    for name in ["garbage.ply", "garbage.stl", "garbage.bin", "garbage.csv", "garbage.urdf", "garbage.json"] {
         write(name, &garbage);
     }
     for (name, text) in [

@@ -1,6 +1,8 @@
 //! The `prehend` command as its users meet it: the real binary, files in a folder of their own, exit status.
 #![allow(clippy::unwrap_used, clippy::panic, reason = "the helpers of these tests are tests themselves")]
 
+mod colours;
+mod doctor;
 mod experiment;
 mod export;
 mod fixture;
@@ -12,11 +14,14 @@ mod mount;
 mod path;
 mod recording;
 mod schema;
+mod shell;
 mod solids;
 mod streams;
 mod tables;
 mod wrong_calls;
+mod wrong_kinds;
 
+use std::ffi::OsStr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -46,9 +51,13 @@ impl Ran {
 }
 
 /// The binary in `folder`, with nothing on standard input and a backtrace for whatever panics.
-fn command(folder: &Path, arguments: &[&str]) -> Command {
+fn command(folder: &Path, arguments: &[impl AsRef<OsStr>]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_prehend"));
     command.current_dir(folder).args(arguments).stdin(Stdio::null()).env("RUST_BACKTRACE", "1");
+    // What whoever runs the tests likes in their own terminal.
+    for name in ["NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "CI"] {
+        command.env_remove(name);
+    }
     command
 }
 
@@ -63,6 +72,31 @@ fn ran(mut command: Command) -> Ran {
 /// Runs a call that is written as on a command line, without quoting.
 fn prehend(folder: &Path, call: &str) -> Ran {
     ran(command(folder, &call.split_whitespace().collect::<Vec<_>>()))
+}
+
+/// The commands that the program says it has, each as it is typed: `plan`, `hand show`.
+fn commands() -> Vec<String> {
+    below("").into_iter().flat_map(|name| with_below(&name)).collect()
+}
+
+fn with_below(name: &str) -> Vec<String> {
+    let below = below(name);
+    if below.is_empty() { vec![name.to_owned()] } else { below }
+}
+
+/// What `--help` of a command lists under it.
+fn below(name: &str) -> Vec<String> {
+    let help = prehend(&std::env::temp_dir(), &format!("{name} --help")).ends_with(0);
+    let text = String::from_utf8(help.stdout).unwrap();
+    let listed =
+        text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
+    // A description that is wrapped is indented further than a name.
+    let lines = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
+    lines
+        .map(|line| line.split_whitespace().next().unwrap())
+        .filter(|word| *word != "help")
+        .map(|word| format!("{name} {word}").trim().to_owned())
+        .collect()
 }
 
 /// A number of a JSON document by the path to it; it must be there and be a number.

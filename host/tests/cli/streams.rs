@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
-use crate::{command, prehend};
+use crate::{command, commands, prehend};
 
 #[test]
 fn dash_writes_the_file_to_standard_output_and_nowhere_else() {
@@ -51,6 +51,7 @@ fn a_closed_pipe_is_success() {
         "execute plan.json --json",
         "--help",
         "plan --help",
+        "completions bash",
     ] {
         let mut child = command(folder.path(), &call.split_whitespace().collect::<Vec<_>>())
             .stdout(Stdio::piped())
@@ -83,24 +84,12 @@ fn a_full_disk_is_named() {
     assert!(refused.stderr.starts_with("error: /dev/full: "), "{}", refused.stderr);
 }
 
-/// The commands that the program says it has.
-fn commands() -> Vec<String> {
-    let help = prehend(&std::env::temp_dir(), "--help").ends_with(0);
-    let text = String::from_utf8(help.stdout).unwrap();
-    let listed =
-        text.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());
-    // A description that is wrapped is indented further than a name.
-    let names = listed.filter(|line| line.starts_with("  ") && !line.starts_with("   "));
-    names
-        .map(|line| line.split_whitespace().next().unwrap().to_owned())
-        .filter(|name| name != "help")
-        .collect()
-}
-
 #[test]
 fn every_command_has_help_with_examples_that_parse() {
     let commands = commands();
-    for name in ["demo", "scan", "reconstruct", "plan", "quality", "execute", "experiment", "export"] {
+    for name in
+        ["demo", "scan", "reconstruct", "plan", "quality", "execute", "experiment", "export", "hand show"]
+    {
         assert!(commands.iter().any(|command| command == name), "{name} is not in {commands:?}");
     }
     for name in commands {
@@ -114,7 +103,7 @@ fn every_command_has_help_with_examples_that_parse() {
         for example in examples {
             let call = example.strip_prefix("prehend ").unwrap_or_else(|| panic!("{name}: {example}"));
             assert!(call.starts_with(&name), "{example}");
-            let call = call.split(" < ").next().unwrap();
+            let call = call.split(['<', '>']).next().unwrap();
             // Their files are not here, but what clap refuses would be told with a hint at the help.
             let ran = prehend(folder.path(), call);
             assert!(!ran.stderr.contains("--help)"), "{example}: {}", ran.stderr);

@@ -270,6 +270,54 @@ pub(crate) const EXPERIMENT: &[WrongCall] = &[
     ("experiment cube", "'cube'"),
 ];
 
+pub(crate) const CALIBRATE: &[WrongCall] = &[
+    ("calibrate", "--output"),
+    ("calibrate --markers none.csv -o @.toml", "none.csv: No such file"),
+    ("calibrate --markers folder -o @.toml", "folder"),
+    ("calibrate --markers empty.csv -o @.toml", "empty.csv"),
+    ("calibrate --markers garbage.csv -o @.toml", "garbage.csv"),
+    ("calibrate --markers three.xyz -o @.toml", "three.xyz"),
+    ("calibrate --noise -1 -o @.toml", "'-1' for '--noise"),
+    ("calibrate --noise NaN -o @.toml", "'NaN' for '--noise"),
+    ("calibrate --camera middle -o @.toml", "'middle' for '--camera"),
+    ("calibrate --camera left --rippled -o @.toml", "cannot be used with"),
+    ("calibrate -o - --json", "-o -"),
+];
+
+pub(crate) const HAND: &[WrongCall] = &[
+    ("hand show", "<FILE.urdf>"),
+    ("hand show none.urdf", "none.urdf"),
+    ("hand show folder", "folder"),
+    ("hand show empty.urdf", "empty.urdf"),
+    ("hand show garbage.urdf", "garbage.urdf"),
+    ("hand show box.off", "box.off"),
+    ("hand wave", "'wave' (see prehend hand --help)"),
+    ("hand info", "--link"),
+    ("hand info --link usb:1", "there are serial:DEVICE[@BAUD]"),
+    ("hand info --link serial:/dev/none", "(see prehend doctor --for hand: "),
+    ("hand info --link serial:folder", "folder: "),
+    ("hand info --link serial:box.off", "box.off: "),
+    ("hand info --link qemu:none.elf", "none.elf: No such file"),
+    ("hand params bus.hold=1 --link tcp:127.0.0.1:1", "(is the hand's bridge switched on, "),
+    ("hand zero toe --link tcp:127.0.0.1:1", "no joint \"toe\""),
+    ("hand log --black-box @.csv --link tcp:127.0.0.1:1", "127.0.0.1:1: "),
+    ("hand monitor --rate 0 --link tcp:127.0.0.1:1", "'0' for '--rate"),
+    ("hand monitor --rate NaN --link tcp:127.0.0.1:1", "'NaN' for '--rate"),
+    ("hand monitor --count -1 --link tcp:127.0.0.1:1", "'-1'"),
+];
+
+pub(crate) const SHELL: &[WrongCall] = &[
+    ("completions", "<SHELL>"),
+    ("completions csh", "[possible values: bash, elvish, fish, powershell, zsh]"),
+    ("completions bash zsh", "'zsh'"),
+    ("man", "<DIR>"),
+    ("man box.off", "box.off: is a file, not a folder"),
+    ("man box.off/below", "box.off/below"),
+    ("doctor --for surgery", "[possible values: plan, hand, firmware, test]"),
+    ("doctor --for", "--for"),
+    ("doctor plan", "'plan' found (see prehend doctor --help)"),
+];
+
 /// Calls that are in order and end in a no: the words are on standard output.
 pub(crate) const NOES: &[WrongCall] = &[
     ("plan square.off --strategy paper -o @.json", "0 with force closure"),

@@ -7,7 +7,9 @@ use std::path::Path;
 use serde_json::{Value, json};
 
 use crate::fixture::fill;
-use crate::tables::{DEMO, EXECUTE, EXPERIMENT, EXPORT, NOES, PLAN, QUALITY, RECONSTRUCT, SCAN, USAGE};
+use crate::tables::{
+    CALIBRATE, DEMO, EXECUTE, EXPERIMENT, EXPORT, HAND, NOES, PLAN, QUALITY, RECONSTRUCT, SCAN, SHELL, USAGE,
+};
 use crate::{Ran, prehend};
 
 #[test]
@@ -15,7 +17,8 @@ fn wrong_calls_are_told_in_one_line_and_touch_nothing() {
     let folder = tempfile::tempdir().unwrap();
     fill(folder.path());
     let before = snapshot(folder.path());
-    let tables = [USAGE, DEMO, SCAN, RECONSTRUCT, PLAN, QUALITY, EXECUTE, EXPERIMENT, EXPORT];
+    let tables =
+        [USAGE, DEMO, CALIBRATE, SCAN, RECONSTRUCT, PLAN, QUALITY, EXECUTE, EXPERIMENT, EXPORT, HAND, SHELL];
     let mut wrong = Vec::new();
     for (call, words) in tables.concat() {
         // An output that is not there must not appear, one that is there must stay as it is.
@@ -39,7 +42,7 @@ fn wrong_calls_are_told_in_one_line_and_touch_nothing() {
 }
 
 /// What is amiss with a refusal.
-fn faults(ran: &Ran, words: &str) -> Vec<String> {
+pub(crate) fn faults(ran: &Ran, words: &str) -> Vec<String> {
     let mut faults = Vec::new();
     let (errors, rest): (Vec<&str>, Vec<&str>) =
         ran.stderr.lines().partition(|line| line.starts_with("error: "));
@@ -101,7 +104,7 @@ fn a_demo_that_breaks_off_keeps_what_it_had_found() {
 }
 
 /// Every file below a folder with its bytes; folders have none.
-fn snapshot(folder: &Path) -> BTreeMap<String, Vec<u8>> {
+pub(crate) fn snapshot(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut found = BTreeMap::new();
     for entry in fs::read_dir(folder).unwrap().map(Result::unwrap) {
         let name = entry.file_name().into_string().unwrap();
@@ -117,6 +120,6 @@ fn snapshot(folder: &Path) -> BTreeMap<String, Vec<u8>> {
     found
 }
 
-fn changed(before: &BTreeMap<String, Vec<u8>>, after: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
+pub(crate) fn changed(before: &BTreeMap<String, Vec<u8>>, after: &BTreeMap<String, Vec<u8>>) -> Vec<String> {
     before.keys().chain(after.keys()).filter(|&name| before.get(name) != after.get(name)).cloned().collect()
 }
