@@ -26,7 +26,7 @@ use crate::scan::recording::read_recording;
 #[derive(Debug, Clone, Args)]
 #[command(
     group = ArgGroup::new("source").required(true).args(["scans", "virtual_cell"]),
-    after_help = "Each recording shows one matt ball, swept over from many sides (docs/scanning.md, Hand-eye calibration).\n\nExamples:\n  prehend calibrate-mount --virtual -o mount.toml\n  prehend calibrate-mount --virtual --record kept -o mount.toml\n  prehend calibrate-mount kept/ball --radius-mm 20 -o mount.toml\n  prehend calibrate-mount ball-a ball-b --radius-mm 20 --verify ball-c --verify-radius-mm 12.7 -o mount.toml\n  prehend scan --recording mouse-scan --mount mount.toml -o cloud.ply"
+    after_help = "Each recording shows one matt ball, swept over from many sides (docs/scanning.md, Hand-eye calibration); scan --recording takes the mount with --mount.\n\nExamples:\n  prehend calibrate-mount --virtual -o mount.toml\n  prehend calibrate-mount --virtual --record kept -o mount.toml\n  prehend calibrate-mount kept/ball --radius-mm 20 -o mount.toml\n  prehend calibrate-mount ball-a ball-b --verify ball-c -o mount.toml"
 )]
 pub struct CalibrateMountArgs {
     /// Recordings (prehend scan --record): folders with scan.toml; in each, a ball stands still somewhere else
@@ -39,28 +39,28 @@ pub struct CalibrateMountArgs {
     #[arg(short, long, value_name = "MOUNT.toml")]
     pub output: PathBuf,
     /// Radius of the ball, millimetres; by default it is found too
-    #[arg(long, value_name = "MM", value_parser = input::positive, conflicts_with = "virtual_cell")]
+    #[arg(long, value_name = "MM", value_parser = input::positive, allow_negative_numbers = true, conflicts_with = "virtual_cell")]
     pub radius_mm: Option<f64>,
     /// Recording of another ball, or of the same elsewhere, that the mount is put to the test on
     #[arg(long, value_name = "SCAN", conflicts_with = "virtual_cell")]
     pub verify: Option<PathBuf>,
     /// Radius of that ball, millimetres
-    #[arg(long, value_name = "MM", value_parser = input::positive, requires = "verify")]
+    #[arg(long, value_name = "MM", value_parser = input::positive, allow_negative_numbers = true, requires = "verify")]
     pub verify_radius_mm: Option<f64>,
     /// Sweeps over the virtual ball
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=200), conflicts_with = "scans")]
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=200), allow_negative_numbers = true, conflicts_with = "scans")]
     pub sweeps: u32,
     /// Noise to add to the virtual scanner's points, along the stripe and away from the laser; not to recordings
-    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = input::not_negative, conflicts_with = "scans")]
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = input::not_negative, allow_negative_numbers = true, conflicts_with = "scans")]
     pub noise_mm: f64,
     /// Error to add to what the virtual arm says: of each sweep, along each axis; not to recordings
-    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = input::not_negative, conflicts_with = "scans")]
+    #[arg(long, value_name = "MM", default_value_t = 0.0, value_parser = input::not_negative, allow_negative_numbers = true, conflicts_with = "scans")]
     pub arm_error_mm: f64,
     /// Folder to write with the recordings of the virtual balls, `ball` and `check`
     #[arg(long, value_name = "DIR", conflicts_with = "scans")]
     pub record: Option<PathBuf>,
     /// Seed of the virtual cell: the mount, the sweeps, the noise
-    #[arg(long, default_value_t = 1, conflicts_with = "scans")]
+    #[arg(long, default_value_t = 1, allow_negative_numbers = true, conflicts_with = "scans")]
     pub seed: u64,
     /// Print one JSON document on standard output
     #[arg(long)]

@@ -82,8 +82,8 @@ fn nothing_on_the_search_path_is_no_matter_for_planning() {
     let plan = doctor(empty.path(), "").ends_with(0).json();
     assert_eq!(check(&plan, "rustc")["status"], "warning");
     let firmware = doctor(empty.path(), "--for firmware").ends_with(1).json();
-    // rustc, cargo, the target, QEMU and its machine.
-    assert_eq!(firmware["missing"], 5);
+    // rustc, cargo, the two targets, QEMU and its machine.
+    assert_eq!(firmware["missing"], 6);
     assert_eq!(check(&firmware, "rustc")["found"], "not found");
     assert_eq!(check(&firmware, "clippy")["status"], "warning");
     let next = check(&firmware, "qemu-system-arm")["next"].clone();
@@ -112,13 +112,14 @@ fn what_is_old_or_broken_is_told_from_what_is_absent() {
         ("machine mps2-an386", "not known to QEMU", "apt-get install"),
         ("rustc", "rustc 1.70.0 (x), 1.89 or later is needed", "rustup update stable"),
         ("thumbv7em-none-eabihf", "not installed", "rustup target add thumbv7em-none-eabihf"),
+        ("thumbv8m.main-none-eabihf", "not installed", "rustup target add thumbv8m.main-none-eabihf"),
         ("rustfmt", "ends with exit status: 101 no such command: fmt", "rustup component add rustfmt"),
     ] {
         let check = check(&said, name);
         assert_eq!((&check["status"], &check["found"]), (&"missing".into(), &found.into()), "{name}");
         assert!(check["next"].as_str().unwrap().starts_with(next), "{check}");
     }
-    assert_eq!(said["missing"], 5);
+    assert_eq!(said["missing"], 6);
     // A file that is no program.
     fs::write(path.join("probe-rs"), "text").unwrap();
     assert_eq!(check(&doctor(path, "").ends_with(0).json(), "probe-rs")["status"], "warning");
@@ -149,7 +150,7 @@ fn the_table_has_a_line_a_check_and_says_what_to_do() {
     assert_eq!(text.lines().count(), checks + 1, "{text}");
     assert!(text.contains("missing  rustc "), "{text}");
     assert!(text.contains("not found: install Rust by rustup (https://rustup.rs)\n"), "{text}");
-    assert!(text.ends_with("5 missing for: firmware\n"), "{text}");
+    assert!(text.ends_with("6 missing for: firmware\n"), "{text}");
     // On the machine that runs the tests, whatever it has.
     prehend(folder.path(), "doctor").ends_with(0);
 }

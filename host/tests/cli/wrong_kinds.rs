@@ -153,8 +153,8 @@ impl Shape {
 
     fn cases(&self) -> Vec<Case> {
         let mut cases = vec![(self.with(&["--frobnicate".as_ref()]), "'--frobnicate'".to_owned())];
-        // Those two take any number of words, and say which they do not know.
-        if !["hand params", "hand zero"].contains(&self.command) {
+        // Those take any number of words, and say which they do not know, or that they are not for it.
+        if !["hand params", "hand zero", "calibrate-mount"].contains(&self.command) {
             cases.push((self.with(&["surplus".as_ref()]), "'surplus'".to_owned()));
         }
         for word in self.inputs {
