@@ -7,7 +7,7 @@ use anyhow::{Context, bail, ensure};
 use nalgebra::{Isometry3, Point3, Translation3, Vector3};
 
 use super::colour;
-use crate::io::{Unit, read_mesh};
+use crate::io::{Unit, read_mesh, read_text};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::Arm;
 use crate::scan::hand_eye::MountFile;
@@ -95,15 +95,12 @@ pub(super) fn arm(path: &Path) -> anyhow::Result<Arm> {
 }
 
 /// Largest mount that is read, bytes.
-const MAX_MOUNT_BYTES: u64 = 1 << 16;
+const MAX_MOUNT_BYTES: u64 = 1 << 20;
 
 /// Where the scanner sits on the palm, as a TOML file of `prehend calibrate-mount` says.
 pub(super) fn mount(path: &Path) -> anyhow::Result<Isometry3<f64>> {
     let name = || path.display().to_string();
-    let metadata = std::fs::metadata(path).with_context(name)?;
-    let is_sane = metadata.is_file() && metadata.len() <= MAX_MOUNT_BYTES;
-    ensure!(is_sane, "{}: not a file, or larger than a mount", path.display());
-    let text = std::fs::read_to_string(path).with_context(name)?;
+    let text = read_text(path, MAX_MOUNT_BYTES).with_context(name)?;
     MountFile::palm_from_scanner(&text).with_context(name)
 }
 

@@ -9,6 +9,7 @@ use serde::Serialize;
 
 use super::input::{self, TABLE_HEIGHT_M};
 use super::scan::{ScanArgs, placed};
+use crate::io::read_text;
 use crate::object::Object;
 use crate::plan::arm::Arm;
 use crate::scan::calibrate::Calibration;
@@ -205,11 +206,9 @@ fn rig(args: &ScanArgs, instrument: &Instrument, optics: &Optics) -> anyhow::Res
         return Rig::calibrated(instrument, optics, args.seed).context("calibrating the virtual scanner");
     };
     let camera = |path: &Path| {
-        let metadata = std::fs::metadata(path).with_context(|| path.display().to_string())?;
-        let is_sane = metadata.is_file() && metadata.len() <= MAX_CALIBRATION_BYTES;
-        anyhow::ensure!(is_sane, "{}: not a file, or larger than a calibration", path.display());
-        let text = std::fs::read_to_string(path).with_context(|| path.display().to_string())?;
-        let calibration = Calibration::from_toml(&text).with_context(|| path.display().to_string())?;
+        let name = || path.display().to_string();
+        let text = read_text(path, MAX_CALIBRATION_BYTES).with_context(name)?;
+        let calibration = Calibration::from_toml(&text).with_context(name)?;
         let camera = StripeCamera::new(calibration, instrument.pixels);
         let [columns, rows] = instrument.pixels;
         anyhow::ensure!(
