@@ -42,6 +42,7 @@ pub(super) fn solid_on_table(
     let mut volume = Volume::new(measured, is_guess)?;
     volume.carve(sights, guess);
     volume.extrude();
+    volume.fill_pockets();
     volume.smooth();
     volume.stand_on_table();
     Some(volume.surface_nodes())
@@ -133,6 +134,38 @@ impl<'a> Volume<'a> {
         }
     }
 
+    /// What nobody saw, and which is body on all four sides, is body: the floor of a cup in the shadow of its wall.
+    fn fill_pockets(&mut self) {
+        let (row, layer) = (self.dims[0], self.dims[0] * self.dims[1]);
+        let (known, values) = (&self.known, &self.values);
+        // Walks along lines of a layer; whether what was met last, other than unseen space, is body.
+        let mut ways = vec![0_u8; known.len()];
+        let lines = [(1, row, self.dims[1]), (row, 1, self.dims[0])];
+        for (bit, (step, between, count)) in lines.into_iter().enumerate() {
+            let length = layer / count;
+            for (k, line) in (1..self.dims[2]).flat_map(|k| (0..count).map(move |line| (k, line))) {
+                let first = k * layer + line * between;
+                for backwards in [false, true] {
+                    let mut inside = false;
+                    for place in 0..length {
+                        let place = if backwards { length - 1 - place } else { place };
+                        let index = first + place * step;
+                        if known[index] != Knowledge::Unseen || values[index] < 0.0 {
+                            inside = values[index] < 0.0;
+                        } else if inside {
+                            ways[index] |= 1 << (2 * bit + usize::from(backwards));
+                        }
+                    }
+                }
+            }
+        }
+        for (value, ways) in self.values.iter_mut().zip(ways) {
+            if ways == 0b1111 {
+                *value = -self.far_m;
+            }
+        }
+    }
+
     /// Diffusion (as Davis et al. 2002) of what was not measured near the surface; seen-empty nodes stay outside.
     fn smooth(&mut self) {
         let strides = [1, self.dims[0], self.dims[0] * self.dims[1]];
@@ -206,5 +239,43 @@ impl<'a> Volume<'a> {
         nodes.dedup_by_key(|node| node.0);
         let (keys, values) = nodes.into_iter().unzip();
         Field { lattice: self.measured.lattice, keys, values }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::surface::distance::Lattice;
+
+    #[test]
+    fn unseen_space_is_body_where_body_is_on_all_four_sides() {
+        let lattice = Lattice { low: Point3::origin(), cell_m: 1.0 };
+        let measured = Field { lattice, keys: vec![], values: vec![] };
+        // One layer over the lowest: a ring of body about unseen space, with and without a view into it.
+        for is_seen in [false, true] {
+            let mut volume = Volume {
+                measured: &measured,
+                low: [0; 3],
+                dims: [7, 7, 2],
+                known: vec![Knowledge::Unseen; 98],
+                values: vec![1.5; 98],
+                far_m: 1.5,
+            };
+            for (i, j) in (0..49).map(|n| (n % 7, n / 7)) {
+                let index = volume.index([i, j, 1]);
+                if [i, j].iter().all(|c| (1..6).contains(c)) && [i, j].iter().any(|c| [1, 5].contains(c)) {
+                    (volume.known[index], volume.values[index]) = (Knowledge::Measured, -1.0);
+                }
+            }
+            let middle = volume.index([3, 3, 1]);
+            if is_seen {
+                (volume.known[middle], volume.values[middle]) = (Knowledge::Empty, 1.5);
+            }
+            volume.fill_pockets();
+            let inside = volume.values.iter().filter(|&&value| value < 0.0).count();
+            // The ring has 16 nodes. What is seen empty also opens the four rows and columns that end at it.
+            assert_eq!(inside, if is_seen { 16 + 4 } else { 16 + 9 });
+            assert!(volume.values[volume.index([0, 3, 1])] > 0.0 && (volume.values[middle] > 0.0) == is_seen);
+        }
     }
 }

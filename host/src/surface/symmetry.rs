@@ -34,8 +34,10 @@ const OVERHANGING: f64 = -0.1;
 const SAME_NORMAL: f64 = 0.7;
 /// How near, in spacings, a seen spot must be to the image that it confirms.
 const NEAR: f64 = 1.6;
-/// How far over and under an image, in spacings, seen empty space contradicts it.
-const DEEP: f64 = 1.6;
+/// How far under an image, in spacings, the lines of sight that contradict it go on.
+const DEEP: f64 = 0.8;
+/// The same of the table.
+const BELOW_TABLE: f64 = 1.6;
 /// Most images contradicted, and fewest confirmed and gained, as shares.
 const MOST_CONTRADICTED: f64 = 0.04;
 const FEWEST_CONFIRMED: f64 = 0.15;
@@ -53,8 +55,11 @@ const PLACES: usize = 24;
 const REFINEMENTS: usize = 9;
 /// Directions that are refined.
 const REFINED: usize = 12;
-/// How much farther apart empty space over and under an image may be at first, so that planes nearby are told from others.
-const COARSE: f64 = 2.5;
+/// How much deeper they go on at first, so that planes nearby are told from others.
+const COARSE: f64 = 5.0;
+/// Rounds in which a plane of symmetry is fitted to what confirms it, and what its old place weighs against that.
+const FITS: usize = 6;
+const FIT_PRIOR: f64 = 0.02;
 /// Copies of the lines of sight about an axis of revolution.
 const TURNS: usize = 36;
 /// Most lines of sight that are copied about an axis.
@@ -89,8 +94,10 @@ struct Evidence {
 }
 
 impl Evidence {
+    /// Gains without what confirms them count for little: anything may stand where nobody has looked.
     fn score(&self) -> f64 {
-        self.gained + 0.5 * self.confirmed - CONTRADICTION * self.contradicted
+        self.gained * (self.confirmed / FEWEST_CONFIRMED).min(1.0) + 0.5 * self.confirmed
+            - CONTRADICTION * self.contradicted
     }
 
     fn convinces(&self) -> bool {
@@ -115,21 +122,18 @@ pub(super) fn guess(planes: &[Tangent], sights: &[Sight], spacing_m: f64) -> Gue
     let is_one_sided = widest_gap_rad(planes) > WIDEST_GAP_RAD;
     let overhang = planes.iter().filter(|plane| plane.normal.z < OVERHANGING).count() as f64;
     let hangs_over = overhang > OVERHANG_SHARE * planes.len() as f64;
-    if sights.is_empty() || !is_one_sided && !hangs_over {
+    if sights.is_empty() {
         return Guess::default();
     }
     let Some(mut scan) = Scan::new(planes.to_vec(), sights.to_vec(), spacing_m) else {
         return Guess::default();
     };
-    if is_one_sided {
-        match scan.revolution() {
-            Some(axis) => scan.complete(axis),
-            None => {
-                for _ in 0..2 {
-                    let Some(mirror) = scan.upright_mirror() else { break };
-                    scan.complete(mirror);
-                }
-            }
+    if let Some(axis) = scan.revolution() {
+        scan.complete(axis);
+    } else if is_one_sided {
+        for _ in 0..2 {
+            let Some(mirror) = scan.upright_mirror() else { break };
+            scan.complete(mirror);
         }
     }
     if hangs_over && let Some(level) = scan.level_mirror() {
@@ -177,8 +181,8 @@ impl Scan {
         Some(Self { planes, sights, grid, carved, spacing_m })
     }
 
-    /// What the image of a seen spot meets. It meets empty space when lines of sight pass `deep` spacings under it as
-    /// well as over it: a wall that was seen from the other side only is no contradiction.
+    /// What the image of a seen spot meets. It meets empty space when lines of sight pass through it, down to `deep`
+    /// spacings under it: they would have ended at a surface. Past a wall that was seen from its other side none goes.
     fn meets(&self, image: &Tangent, deep: f64, found: &mut Vec<(f64, u32)>) -> Meets {
         self.grid.within(&image.origin, NEAR * self.spacing_m, found);
         let nearest = found.first().map(|n| self.planes[n.1 as usize]);
@@ -187,8 +191,8 @@ impl Scan {
             return Meets::Surface;
         }
         let beside = |spacings: f64| image.origin + image.normal.into_inner() * (spacings * self.spacing_m);
-        let is_passed = self.carved.is_empty(&beside(-deep)) && self.carved.is_empty(&beside(deep));
-        if is_passed || image.origin.z < -DEEP * self.spacing_m {
+        let is_passed = self.carved.is_empty(&beside(0.0)) && self.carved.is_empty(&beside(-deep));
+        if is_passed || image.origin.z < -BELOW_TABLE * self.spacing_m {
             return Meets::Empty;
         }
         Meets::Unseen
@@ -320,11 +324,59 @@ impl Scan {
                 best
             })
             .collect();
-        let mirrors = refined.into_iter().filter_map(|(score, azimuth, offset_m)| {
+        let mirrors = refined.into_iter().filter_map(|(_, azimuth, offset_m)| {
+            let (azimuth, offset_m) = self.fitted(azimuth, offset_m);
             let mirror = Symmetry::Mirror { normal: across(azimuth), offset_m };
-            self.evidence(&mirror, DEEP).convinces().then_some((score, mirror))
+            let evidence = self.evidence(&mirror, DEEP);
+            evidence.convinces().then_some((evidence.score(), mirror))
         });
         mirrors.reduce(|a, b| if b.0 > a.0 { b } else { a }).map(|(_, mirror)| mirror)
+    }
+
+    /// The upright plane moved so that images and the seen spots that confirm them fall together (least squares, from image
+    /// to the spot's plane). Where they say nothing, as those of a flat top do, it stays.
+    fn fitted(&self, mut azimuth: f64, mut offset_m: f64) -> (f64, f64) {
+        let middle = self.planes.iter().map(|plane| plane.origin.xy().coords).sum::<Vector2<f64>>()
+            / self.planes.len() as f64;
+        let reaches = self.witnesses().map(|plane| (plane.origin.xy().coords - middle).norm());
+        let reach_m = reaches.fold(self.spacing_m, f64::max);
+        let mut found = Vec::new();
+        for _ in 0..FITS {
+            let normal = Vector3::new(azimuth.cos(), azimuth.sin(), 0.0);
+            let along = Vector3::new(-normal.y, normal.x, 0.0);
+            // Of two unknowns: the turn about the middle, times the object's radius, and the shift.
+            let (mut form, mut pull) = (Matrix2::zeros(), Vector2::zeros());
+            let mut count = 0.0;
+            for plane in self.witnesses() {
+                let image = mirrored(plane, &normal, offset_m);
+                self.grid.nearest(&image.origin, 1, &mut found);
+                let Some(spot) = found.first().filter(|n| n.0 < (NEAR * self.spacing_m).powi(2)) else {
+                    continue;
+                };
+                let spot = self.planes[spot.1 as usize];
+                if spot.normal.dot(&image.normal) < SAME_NORMAL {
+                    continue;
+                }
+                let arm = Vector3::new(plane.origin.x - middle.x, plane.origin.y - middle.y, 0.0);
+                let lever = middle.x * normal.x + middle.y * normal.y - offset_m;
+                let turn = (along * (normal.dot(&arm) + lever) + normal * along.dot(&arm)) * -2.0;
+                let row = Vector2::new(spot.normal.dot(&turn) / reach_m, 2.0 * spot.normal.dot(&normal));
+                let miss_m = spot.normal.dot(&(image.origin - spot.origin));
+                form += row * row.transpose();
+                pull -= row * miss_m;
+                count += 1.0;
+            }
+            // As if some of the spots had been found where they are expected.
+            form += Matrix2::identity() * (FIT_PRIOR * f64::max(count, 1.0));
+            let Some(step) = form.try_inverse().map(|inverse| inverse * pull) else { break };
+            let step = step.map(|s| s.clamp(-self.spacing_m, self.spacing_m));
+            let turn = step.x / reach_m;
+            // The plane turns about its place abreast of the middle.
+            let place = Vector2::new(normal.x, normal.y).dot(&middle) - offset_m;
+            azimuth += turn;
+            offset_m = azimuth.cos() * middle.x + azimuth.sin() * middle.y - place + step.y;
+        }
+        (azimuth, offset_m)
     }
 
     /// The level plane half way up: what lies on the table has its lowest point on it.
@@ -439,6 +491,7 @@ fn turned_sight(sight: &Sight, center: &Point2<f64>, angle_rad: f64) -> Sight {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::surface::{
         PointCloud, Provenance, Reconstruction, Settings, Table,
         camera::{Thing, seen},
@@ -480,6 +533,51 @@ mod tests {
             let plain = completed(&cloud, false);
             assert_eq!(plain.mesh.area_of_m2(Provenance::Mirrored), 0.0);
         }
+    }
+
+    #[test]
+    fn the_plane_of_symmetry_is_fitted_to_what_confirms_it() {
+        // Half an ellipsoid of unequal axes, turned by 20 degrees and moved aside, seen from one side.
+        let axes = Vector3::new(0.055, 0.032, 0.038);
+        let place = nalgebra::Isometry3::translation(0.013, -0.021, 0.0)
+            * nalgebra::UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 20_f64.to_radians());
+        let towards_sensor = Unit::new_normalize(Vector3::new(0.5, 0.25, 0.83));
+        let spacing_m = 1.2e-3;
+        let mut planes = Vec::new();
+        for i in 0..=40 {
+            let elevation = 0.5 * PI * f64::from(i) / 40.0;
+            let around = (TAU * 0.04 * elevation.cos() / spacing_m).ceil().max(1.0) as u32;
+            for k in 0..around {
+                let azimuth = TAU * f64::from(k) / f64::from(around);
+                let unit = Vector3::new(
+                    elevation.cos() * azimuth.cos(),
+                    elevation.cos() * azimuth.sin(),
+                    elevation.sin(),
+                );
+                let normal = place * Unit::new_normalize(unit.component_div(&axes));
+                if normal.dot(&towards_sensor) > 0.25 {
+                    planes.push(Tangent { origin: place * Point3::from(unit.component_mul(&axes)), normal });
+                }
+            }
+        }
+        let mut sights: Vec<Sight> =
+            planes.iter().map(|plane| Sight { point: plane.origin, towards_sensor }).collect();
+        // The table around it, but for the shadow: lines of sight that miss the ellipsoid.
+        for (i, k) in (-80..=80).flat_map(|i| (-80..=80).map(move |k| (i, k))) {
+            let point = Point3::new(f64::from(i), f64::from(k), 0.0) * 1.5e-3;
+            let from = place.inverse_transform_point(&point).coords.component_div(&axes);
+            let way = place.inverse_transform_vector(&towards_sensor).component_div(&axes);
+            let nearest = from - way * (from.dot(&way) / way.norm_squared());
+            if nearest.norm() > 1.0 || from.norm() > 1.0 && from.dot(&way) > 0.0 {
+                sights.push(Sight { point, towards_sensor });
+            }
+        }
+        let scan = Scan::new(planes, sights, spacing_m).unwrap();
+        let Some(Symmetry::Mirror { normal, offset_m }) = scan.upright_mirror() else { panic!("no plane") };
+        let across = [Vector3::x(), Vector3::y()].map(|axis| (place * axis).dot(&normal).abs());
+        assert!(across[0].max(across[1]) > 1_f64.to_radians().cos(), "{normal:?}");
+        let miss_m = normal.dot(&place.translation.vector) - offset_m;
+        assert!(miss_m.abs() < 0.2 * spacing_m, "{miss_m}");
     }
 
     #[test]

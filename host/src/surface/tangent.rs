@@ -87,28 +87,29 @@ pub fn tangents(
             Cow::Owned(found)
         })
         .collect();
-    let plain: Vec<Option<Fit>> = points
-        .par_iter()
-        .zip(&near)
-        .map(|(point, near)| {
+    let each = points.par_iter().zip(&near);
+    let plain: Vec<Option<Fit>> = each
+        .clone()
+        .map_init(Vec::new, |pulls, (point, near)| {
             // The core of the neighbourhood: the smaller, the nearer to an edge it is still on one face.
             let core = (near.len() * 2 / 3).max(FEWEST).min(near.len());
-            weighted.fit(point, &near[..core], |_| 1.0)
+            weighted.pulls(point, &near[..core], pulls);
+            fit(point, pulls, |_| 1.0)
         })
         .collect();
     let scatter_m = median(plain.iter().flatten().map(|fit| fit.scatter_m).collect());
     let reach_m = median(near.iter().filter_map(|near| near.last()).map(|last| last.0.sqrt()).collect());
     let shows_edges = TOLERANCE * scatter_m < EDGE_HEIGHT * reach_m;
-    let whole = |(point, near): (&Point3<f64>, &Cow<'_, [Neighbour]>)| {
-        let Fit { centroid, normal, .. } = weighted.fit(point, near, |_| 1.0)?;
-        Some(Tangent { origin: centroid, normal })
-    };
-    let each = points.par_iter().zip(&near);
-    let planes = if shows_edges {
-        each.map(|(point, near)| weighted.robust(point, near, &plain, scatter_m)).collect()
-    } else {
-        each.map(whole).collect()
-    };
+    let planes = each
+        .map_init(Vec::new, |pulls, (point, near)| {
+            weighted.pulls(point, near, pulls);
+            if shows_edges {
+                return robust(point, near, pulls, &plain, scatter_m);
+            }
+            let Fit { centroid, normal, .. } = fit(point, pulls, |_| 1.0)?;
+            Some(Tangent { origin: centroid, normal })
+        })
+        .collect();
     Tangents { planes, shows_edges }
 }
 
@@ -145,82 +146,81 @@ struct Weighted<'a> {
     counts: &'a [f64],
 }
 
-impl Weighted<'_> {
-    fn robust(
-        &self,
-        point: &Point3<f64>,
-        neighbours: &[Neighbour],
-        plain: &[Option<Fit>],
-        scatter_m: f64,
-    ) -> Option<Tangent> {
-        let reach2 = neighbours.last()?.0;
-        let tolerance_m = TOLERANCE * scatter_m.max(LEAST_SCATTER * reach2.sqrt());
-        let agreement = |height: f64| (-0.5 * (height / tolerance_m).powi(2)).exp();
-        let near: Vec<(f64, Point3<f64>)> = neighbours
-            .iter()
-            .map(|&(d2, j)| (falloff(d2, reach2) * self.counts[j as usize], self.points[j as usize]))
-            .collect();
-        let whole: f64 = near.iter().map(|(weight, _)| weight).sum();
-        // Neighbours are ordered by distance: of equals the nearest wins, on any number of threads.
-        let mut best: Option<(f64, Fit)> = None;
-        for &(_, i) in neighbours {
-            let Some(candidate) = plain[i as usize] else { continue };
-            let share =
-                agreement(candidate.height(point)) / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
-            // All neighbours could at most agree whole: most candidates cannot win.
-            if best.as_ref().is_some_and(|(most, _)| share * whole <= *most) {
-                continue;
-            }
-            let support: f64 =
-                near.iter().map(|(weight, point)| weight * agreement(candidate.height(point))).sum();
-            let score = share * support;
-            if best.as_ref().is_none_or(|(most, _)| score > *most) {
-                best = Some((score, candidate));
-            }
-        }
-        let mut plane = best?.1;
-        for _ in 0..ROUNDS {
-            let Some(next) = self.fit(point, neighbours, |p| agreement(plane.height(p))) else { break };
-            plane = next;
-        }
-        Some(Tangent {
-            origin: point - plane.normal.into_inner() * plane.height(point),
-            normal: plane.normal,
-        })
-    }
+/// How much a neighbour counts for a plane, and where it lies from the point that the plane is fitted for.
+type Pull = (f64, Vector3<f64>);
 
-    /// Weighted least squares.
-    fn fit(
-        &self,
-        center: &Point3<f64>,
-        neighbours: &[Neighbour],
-        trust: impl Fn(&Point3<f64>) -> f64,
-    ) -> Option<Fit> {
-        let reach2 = neighbours.last()?.0;
-        if reach2 <= 0.0 {
-            return None;
-        }
-        let weight =
-            |d2: f64, i: u32| falloff(d2, reach2) * self.counts[i as usize] * trust(&self.points[i as usize]);
-        let (mut total, mut mean) = (0.0, Vector3::zeros());
-        for &(d2, i) in neighbours {
-            let weight = weight(d2, i);
-            total += weight;
-            mean += (self.points[i as usize] - center) * weight;
-        }
-        if total <= f64::MIN_POSITIVE {
-            return None;
-        }
-        mean /= total;
-        let mut covariance = Matrix3::zeros();
-        for &(d2, i) in neighbours {
-            let offset = self.points[i as usize] - center - mean;
-            covariance += offset * offset.transpose() * (weight(d2, i) / (total * reach2));
-        }
-        let (normal, variance) = least_variance(&covariance)?;
-        let scatter_m = (variance.max(0.0) * reach2).sqrt();
-        Some(Fit { centroid: center + mean, normal, scatter_m })
+impl Weighted<'_> {
+    /// Those of the neighbours, in their order, by distance and count. `pulls` is overwritten.
+    fn pulls(&self, center: &Point3<f64>, neighbours: &[Neighbour], pulls: &mut Vec<Pull>) {
+        let reach2 = neighbours.last().map_or(0.0, |last| last.0);
+        pulls.clear();
+        pulls.extend(neighbours.iter().map(|&(d2, i)| {
+            (falloff(d2, reach2) * self.counts[i as usize], self.points[i as usize] - center)
+        }));
     }
+}
+
+/// The plane of a point by the robust way of [`tangents`].
+fn robust(
+    point: &Point3<f64>,
+    neighbours: &[Neighbour],
+    pulls: &[Pull],
+    plain: &[Option<Fit>],
+    scatter_m: f64,
+) -> Option<Tangent> {
+    let reach2 = neighbours.last()?.0;
+    let tolerance_m = TOLERANCE * scatter_m.max(LEAST_SCATTER * reach2.sqrt());
+    let agreement = |height: f64| (-0.5 * (height / tolerance_m).powi(2)).exp();
+    let whole: f64 = pulls.iter().map(|(weight, _)| weight).sum();
+    // Neighbours are ordered by distance: of equals the nearest wins, on any number of threads.
+    let mut best: Option<(f64, Fit)> = None;
+    for &(_, i) in neighbours {
+        let Some(candidate) = plain[i as usize] else { continue };
+        let height_m = candidate.height(point);
+        let share = agreement(height_m) / (1.0 + (candidate.scatter_m / tolerance_m).powi(2));
+        // All neighbours could at most agree whole: most candidates cannot win.
+        if best.as_ref().is_some_and(|(most, _)| share * whole <= *most) {
+            continue;
+        }
+        let agrees = |offset: &Vector3<f64>| agreement(height_m + candidate.normal.dot(offset));
+        let support: f64 = pulls.iter().map(|(weight, offset)| weight * agrees(offset)).sum();
+        let score = share * support;
+        if best.as_ref().is_none_or(|(most, _)| score > *most) {
+            best = Some((score, candidate));
+        }
+    }
+    let mut plane = best?.1;
+    for _ in 0..ROUNDS {
+        let height_m = plane.height(point);
+        let agrees = |offset: &Vector3<f64>| agreement(height_m + plane.normal.dot(offset));
+        let Some(next) = fit(point, pulls, agrees) else { break };
+        plane = next;
+    }
+    Some(Tangent { origin: point - plane.normal.into_inner() * plane.height(point), normal: plane.normal })
+}
+
+/// Weighted least squares; `trust`, by the way from the centre, goes on top of the weights.
+fn fit(center: &Point3<f64>, pulls: &[Pull], trust: impl Fn(&Vector3<f64>) -> f64) -> Option<Fit> {
+    let reach2 = pulls.last()?.1.norm_squared();
+    if reach2 <= 0.0 {
+        return None;
+    }
+    let (mut total, mut mean, mut moment) = (0.0, Vector3::zeros(), Matrix3::zeros());
+    for (weight, offset) in pulls {
+        let weight = weight * trust(offset);
+        let pull = offset * weight;
+        total += weight;
+        mean += pull;
+        moment += pull * offset.transpose();
+    }
+    if total <= f64::MIN_POSITIVE {
+        return None;
+    }
+    mean /= total;
+    let covariance = (moment / total - mean * mean.transpose()) / reach2;
+    let (normal, variance) = least_variance(&covariance)?;
+    let scatter_m = (variance.max(0.0) * reach2).sqrt();
+    Some(Fit { centroid: center + mean, normal, scatter_m })
 }
 
 /// Direction of least variance, and that variance; `None` when two variances vanish. In closed form (Smith 1961): a third of
