@@ -94,18 +94,20 @@ const SHAPES: &[Shape] = &[
     },
     Shape {
         command: "execute",
-        words: "good.json -o new.json",
+        words: "good.json -o new.json --record new.mcap",
         inputs: &["good.json"],
-        outputs: &["new.json"],
+        outputs: &["new.json", "new.mcap"],
         amounts: &["--friction", "--mass"],
         counts: &["--grasp", "--seed"],
-        choices: &["--link", "--unit"],
+        choices: &["--link", "--unit", "--offset"],
     },
     Shape {
         command: "experiment",
-        words: "--strategy paper",
-        counts: &["--trials", "--seed", "--threads"],
-        choices: &["--sweeps"],
+        words: "--strategy paper --object box.off",
+        inputs: &["box.off"],
+        amounts: &["--thumb-stiffness", "--shake"],
+        counts: &["--trials", "--seed", "--threads", "--redo", "--plant-steps"],
+        choices: &["--sweeps", "--unit"],
         ..NONE
     },
     Shape {
