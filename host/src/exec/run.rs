@@ -120,6 +120,9 @@ struct Run<'a> {
     palm: [Isometry3<f64>; 2],
     /// Multiple of the planned grip; the slip reflex raises it.
     grip: f64,
+    /// The most that the slip reflex may ask for: where a fingertip is at its limit, more from the others pushes the
+    /// object towards it instead of holding it.
+    grip_most: f64,
     /// Fingers that press in the grip.
     presses: [bool; FINGER_COUNT],
     touched: [bool; FINGER_COUNT],
@@ -143,12 +146,12 @@ impl<'a> Run<'a> {
             .map(|finger| plan.grasp.fingers[finger.index()] != plan.squeeze.fingers[finger.index()]);
         Self {
             monitor: Monitor::new(MonitorConfig::new(&course.model.finger, plan.friction)),
-            course,
             judged: Judged::default(),
             tick: 0,
             start: Start { base_from_palm: palm, before: palm, grips: false, grip: 1.0 },
             palm: [palm; 2],
             grip: 1.0,
+            grip_most: course.settings.reflex_max.max(1.0),
             presses,
             touched: [false; FINGER_COUNT],
             slipping: [false; FINGER_COUNT],
@@ -156,6 +159,7 @@ impl<'a> Run<'a> {
             loaded: [false; FINGER_COUNT],
             lost_s: 0.0,
             slip_s: 0.0,
+            course,
             events: Vec::new(),
             trace: Vec::new(),
         }
@@ -184,6 +188,12 @@ impl<'a> Run<'a> {
     fn begin(&mut self, phase: Phase, object: Option<TrueObject>) {
         self.event(EventKind::Phase(phase));
         self.judged.begins(phase, self.sight(object));
+        if phase == Phase::Lift {
+            let strongest_n =
+                FingerId::ALL.map(|finger| self.monitor.force_n(finger)).into_iter().fold(0.0, f64::max);
+            let room = self.course.model.drive.tip_force_max_n / strongest_n.max(f64::MIN_POSITIVE);
+            self.grip_most = self.grip_most.min(room).max(1.0);
+        }
         let [base_from_palm, before] = self.palm;
         let grips = phase != Phase::Stop || self.trouble() != Some(Trouble::Obstructed);
         self.start = Start { base_from_palm, before, grips, grip: self.grip };
@@ -214,7 +224,7 @@ impl<'a> Run<'a> {
         self.feel(phase, report);
         let settings = self.settings();
         let timed = |holds: bool, timer_s: f64| if holds { timer_s + settings.period_s } else { 0.0 };
-        let most = settings.reflex_max.max(1.0);
+        let most = self.grip_most;
         let slips = self.slipping.contains(&true);
         // A finger may stay at the edge of its cone while the others hold: two that are firm are enough.
         self.slip_s = timed(self.grip >= most && slips && self.fingers(Self::is_firm) < 2, self.slip_s);
