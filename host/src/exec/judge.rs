@@ -52,9 +52,10 @@ impl Course {
         moved_m(self.before_close, self.closed)
     }
 
-    /// How far its centre had risen by the end of the hold, or of the execution.
+    /// How far its centre had risen by the end of the hold, or at most if it did not get there.
     pub(super) fn rise_m(&self) -> Option<f64> {
-        rise_m(self.at_start, self.held.or(self.at_end))
+        self.at_start?;
+        rise_m(self.at_start, self.held).or(Some(self.highest_m))
     }
 
     /// How far it moved in the hand until the end of the hold, and of the shake, the larger one.

@@ -175,7 +175,7 @@ pub struct Execution {
     pub trouble: Option<Trouble>,
     /// How far the object moved while the fingers closed, where its true place is known.
     pub shift_m: Option<f64>,
-    /// How far the object's centre rose until the end of the hold, or of the execution if it did not get there.
+    /// How far the object's centre had risen by the end of the hold, or at most if it did not get there.
     pub lift_height_m: Option<f64>,
     /// How far the object moved in the palm frame from the squeeze to the end of hold and shake, the larger of both.
     pub slip_m: Option<f64>,

@@ -52,7 +52,7 @@ pub struct ExecutionSettings {
     pub lift_s: f64,
     /// Time to hold.
     pub hold_s: f64,
-    /// Greatest acceleration of the shake along each axis; 0 for none. See [`shake`](super::motion::shake_offset_m).
+    /// Greatest acceleration of the shake along each axis; 0 for none. See [`shake_offset_m`](super::shake_offset_m).
     pub shake_m_per_s2: f64,
     /// Time of the shake in each of its six directions.
     pub shake_s: f64,

@@ -8,8 +8,8 @@ use serde_json::{Map, Value, json};
 use super::trial::{Attempt, Protocol, Trial, Tried};
 use crate::exec::Verdict;
 
-/// How far an object may move while the fingers close without having been pushed, metres.
-const PUSHED_M: f64 = 0.003;
+/// How far an object may move while the fingers close without having been pushed, metres: the scan is no better.
+const PUSHED_M: f64 = 0.001;
 
 /// Sums over some trials.
 struct Tally {
