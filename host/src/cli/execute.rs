@@ -290,8 +290,7 @@ pub(super) fn record_run(path: &Path, truth: &Truth, execution: &Execution) -> a
         object_name: &truth.object.name,
         table_height_m: truth.table_height_m,
     };
-    write_atomically(path, |writer| write_recording(&scene, execution, writer))
-        .with_context(|| format!("recording to {}", path.display()))?;
+    write_atomically(path, |writer| write_recording(&scene, execution, writer))?;
     Ok(())
 }
 

@@ -135,7 +135,7 @@ fn specimen(text: &str, unit: Unit) -> anyhow::Result<Specimen> {
     let (name, mass_kg) = match text.rsplit_once('=') {
         Some((name, mass)) => {
             let mass_kg = input::positive(mass)
-                .map_err(|what| anyhow::anyhow!("--object {text}: {what} of kg behind the ="))?;
+                .map_err(|what| anyhow::anyhow!("--object {text}: {what} behind the =, the mass in kg"))?;
             (name, Some(mass_kg))
         }
         None => (text, None),

@@ -277,7 +277,6 @@ pub(crate) const EXPERIMENT: &[WrongCall] = &[
     ("experiment --object box.off=0", "--object box.off=0: give a number above 0"),
     ("experiment --object box.off=light", "--object box.off=light: give a number"),
     ("experiment --object =0.1", "--object =0.1: name a file"),
-    ("experiment --object cube=0.1", "'cube'"),
     ("experiment --thumb-stiffness 0", "'0' for '--thumb-stiffness"),
     ("experiment --trials 1 --record box.off", "box.off: is a file"),
 ];

@@ -34,6 +34,8 @@ pub(super) struct Protocol {
 /// Why an attempt did not end with an object held and put down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Cause {
+    /// The arm can sweep the scanner over no side of it.
+    NoSweep,
     /// The scan gave no surface.
     NoSurface,
     /// No attempt of the search had force closure.
@@ -50,6 +52,7 @@ impl Cause {
     /// The key in reports.
     pub(super) const fn name(self) -> &'static str {
         match self {
+            Self::NoSweep => "no-sweep",
             Self::NoSurface => "no-surface",
             Self::NoClosure => "no-closure",
             Self::NoArmMotion => "no-arm-motion",
@@ -162,9 +165,12 @@ fn once(
     [scan_seed, search_seed, sensor_seed]: [u64; 3],
 ) -> anyhow::Result<(Attempt, Option<Execution>)> {
     let mesh = truth.object.mesh.transformed(&truth.base_from_object);
-    let (_, scan) = scan::sweep(&mesh, &protocol.sweeps, instrument, scan_seed)?;
-    let mut attempt =
-        Attempt { scan_s: scan.duration_s, plan_s: 0.0, searched: 0, grasp: None, failure: None };
+    let mut attempt = Attempt { scan_s: 0.0, plan_s: 0.0, searched: 0, grasp: None, failure: None };
+    let Ok((_, scan)) = scan::sweep(&mesh, &protocol.sweeps, instrument, scan_seed) else {
+        attempt.failure = Some(Cause::NoSweep);
+        return Ok((attempt, None));
+    };
+    attempt.scan_s = scan.duration_s;
     let clock = Instant::now();
     let Ok(surface) = pipeline::surface(&scan.cloud, search_seed) else {
         attempt.failure = Some(Cause::NoSurface);
