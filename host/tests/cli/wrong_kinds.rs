@@ -94,9 +94,9 @@ const SHAPES: &[Shape] = &[
     },
     Shape {
         command: "execute",
-        words: "good.json -o new.json --record new.mcap",
+        words: "good.json -o new.json",
         inputs: &["good.json"],
-        outputs: &["new.json", "new.mcap"],
+        outputs: &["new.json"],
         amounts: &["--friction", "--mass"],
         counts: &["--grasp", "--seed"],
         choices: &["--link", "--unit", "--offset"],
