@@ -13,6 +13,7 @@ pub mod io;
 pub mod link;
 pub mod object;
 pub mod plan;
+pub mod record;
 pub mod scan;
 pub mod surface;
 #[cfg(feature = "twin")]

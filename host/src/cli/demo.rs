@@ -8,7 +8,7 @@ use anyhow::Context;
 use clap::Args;
 use serde_json::json;
 
-use super::execute::{LinkChoice, Truth, on_twin, write_record};
+use super::execute::{LinkChoice, RunSettings, Truth, on_twin, write_record};
 use super::input::{self, TABLE_HEIGHT_M};
 use super::pipeline::{self, Search};
 use super::plan::Strategy;
@@ -30,6 +30,9 @@ use crate::view::picture::Picture;
 
 /// Size of the picture, pixels.
 const PICTURE_PX: [u32; 2] = [960, 720];
+
+/// How often everything is begun again from the scan, at most.
+const REDO: u64 = 2;
 
 /// Scan, reconstruct, plan and execute on the virtual cell, and leave every result in a folder
 #[derive(Debug, Clone, Args)]
@@ -82,18 +85,93 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         if args.json { Box::new(std::io::sink()) } else { Box::new(&mut *out) };
     let object = input::object(&args.object, args.unit, args.mass, args.friction)?;
     input::make_folder(&args.out)?;
-    let file = |name: &str| args.out.join(name);
-    let (true_mesh, base_from_object) = scan_command::placed(&object);
+    let (_, base_from_object) = scan_command::placed(&object);
     writeln!(report, "object: {}, {:.0} g, friction {}", object.name, object.mass_kg * 1e3, object.friction)?;
+    let mut truth = Truth { object, base_from_object, table_height_m: Some(TABLE_HEIGHT_M) };
+    let mut times = Times::default();
+    let mut redone = 0;
+    let last = loop {
+        let made = once(args, &truth, args.seed.wrapping_add(redone), &mut times, &mut report)?;
+        let Some(execution) = &made.execution else { break made };
+        truth.base_from_object = execution.base_from_object.unwrap_or(truth.base_from_object);
+        // The paper begins again when the fingertips slip; so does every failure here that the hand feels.
+        if execution.felt == Verdict::Held || redone == REDO || !pipeline::is_in_cell(&truth) {
+            break made;
+        }
+        redone += 1;
+        writeln!(report, "begun again from the scan, for the hand felt that it failed")?;
+    };
+    let Times { scan_s, reconstruct_s, plan_s, execute_s } = times;
+    writeln!(
+        report,
+        "took {:.2} s: scan {scan_s:.2}, reconstruct {reconstruct_s:.2}, plan {plan_s:.2}, execute {execute_s:.2}; \
+         results in {}",
+        scan_s + reconstruct_s + plan_s + execute_s,
+        args.out.display()
+    )?;
+    drop(report);
+    let Made { points, triangles, planned, execution } = last;
+    if args.json {
+        let document = &planned.document;
+        let best = document.grasps.first();
+        write_json(
+            out,
+            &json!({
+                "stages": {
+                    "scan_s": scan_s, "reconstruct_s": reconstruct_s, "plan_s": plan_s, "execute_s": execute_s,
+                },
+                "points": points,
+                "triangles": triangles,
+                "attempts": document.attempts,
+                "force_closure": document.force_closure,
+                "epsilon": best.map(|grasp| grasp.quality.epsilon),
+                "convention": document.convention,
+                "lift_height_m": execution.as_ref().and_then(|e| e.lift_height_m),
+                "redone": redone,
+                "verdict": verdict(execution.as_ref()),
+            }),
+        )?;
+    }
+    let held = execution.is_some_and(|execution| execution.verdict == Verdict::Held);
+    Ok(if held { Outcome::Done } else { Outcome::No })
+}
 
+/// Once from the scan to the verdict.
+struct Made {
+    points: usize,
+    triangles: usize,
+    planned: Planned,
+    execution: Option<Execution>,
+}
+
+/// Wall-clock times of the stages.
+#[derive(Debug, Clone, Copy, Default)]
+struct Times {
+    scan_s: f64,
+    reconstruct_s: f64,
+    plan_s: f64,
+    execute_s: f64,
+}
+
+fn once(
+    args: &DemoArgs,
+    truth: &Truth,
+    seed: u64,
+    times: &mut Times,
+    report: &mut dyn Write,
+) -> anyhow::Result<Made> {
+    let file = |name: &str| args.out.join(name);
     let clock = Instant::now();
     let waiting = spinner("scan");
+    let object = &truth.object;
+    let true_mesh = object.mesh.transformed(&truth.base_from_object);
     let (sweeps, scan) =
-        scan_command::sweep(&true_mesh, &args.sweeps.settings(), &Instrument::default(), args.seed)
+        scan_command::sweep(&true_mesh, &args.sweeps.settings(), &Instrument::default(), seed)
             .with_context(|| format!("scanning {}", object.name))?;
     waiting.finish_and_clear();
     write_cloud(&file("cloud.ply"), &scan.cloud)?;
     let scan_s = clock.elapsed().as_secs_f64();
+    times.scan_s += scan_s;
     writeln!(
         report,
         "1 scan         {} points in {} stripes of {} sweeps ({:.1} s of the arm's time), computed in {scan_s:.2} s",
@@ -105,37 +183,37 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
 
     let clock = Instant::now();
     let waiting = spinner("surface");
-    let surface = pipeline::surface(&scan.cloud, args.seed)
+    let surface = pipeline::surface(&scan.cloud, seed)
         .with_context(|| format!("reconstructing the scan of {}", object.name))?;
     waiting.finish_and_clear();
     write_mesh(&file("mesh.stl"), &surface.mesh)?;
     write_mesh(&file("mesh.iv"), &surface.mesh)?;
     // Planned on is what the file holds, in single precision, so that `prehend plan mesh.stl` finds the same grasps.
     let mesh = read_mesh(&file("mesh.stl"), Unit::Metre)?.value;
-    let reconstruct_s = clock.elapsed().as_secs_f64();
+    times.reconstruct_s += clock.elapsed().as_secs_f64();
     write!(report, "2 reconstruct  ")?;
-    reconstruct_command::describe(&surface, &mut report)?;
+    reconstruct_command::describe(&surface, report)?;
 
     let clock = Instant::now();
+    let surface_triangles = surface.report.triangles;
     let seen = SeenSurface::of_mesh(&surface.mesh);
-    let (scene, planned) = plan(args, &object, mesh, seen)?;
+    let (scene, planned) = plan(args, object, mesh, seen, seed)?;
     let document = &planned.document;
     write_json_file(&file("plan.json"), document)?;
-    let plan_s = clock.elapsed().as_secs_f64();
+    times.plan_s += clock.elapsed().as_secs_f64();
     write!(report, "3 plan         ")?;
-    planned.describe(&mut report)?;
+    planned.describe(report)?;
 
     let clock = Instant::now();
-    let truth = Truth { object, base_from_object, table_height_m: Some(TABLE_HEIGHT_M) };
     let execution = match document.grasps.first() {
         Some(best) => {
             draw(&scene, &planned, &file("grasp.png"))?;
             let waiting = spinner("execute");
-            let execution = on_twin(document, best, &truth, args.seed)?;
+            let execution = on_twin(document, best, truth, seed, &RunSettings::default())?;
             waiting.finish_and_clear();
             write_record(&file("run.json"), &execution)?;
             write!(report, "4 execute      ")?;
-            execute::describe(&execution, &mut report)?;
+            execute::describe(&execution, report)?;
             Some(execution)
         }
         None => {
@@ -143,36 +221,9 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
             None
         }
     };
-    let execute_s = clock.elapsed().as_secs_f64();
-    writeln!(
-        report,
-        "took {:.2} s: scan {scan_s:.2}, reconstruct {reconstruct_s:.2}, plan {plan_s:.2}, execute {execute_s:.2}; \
-         results in {}",
-        scan_s + reconstruct_s + plan_s + execute_s,
-        args.out.display()
-    )?;
-    drop(report);
-    if args.json {
-        let best = document.grasps.first();
-        write_json(
-            out,
-            &json!({
-                "stages": {
-                    "scan_s": scan_s, "reconstruct_s": reconstruct_s, "plan_s": plan_s, "execute_s": execute_s,
-                },
-                "points": scan.cloud.len(),
-                "triangles": surface.report.triangles,
-                "attempts": document.attempts,
-                "force_closure": document.force_closure,
-                "epsilon": best.map(|grasp| grasp.quality.epsilon),
-                "convention": document.convention,
-                "lift_height_m": execution.as_ref().and_then(|e| e.lift_height_m),
-                "verdict": verdict(execution.as_ref()),
-            }),
-        )?;
-    }
-    let held = execution.is_some_and(|execution| execution.verdict == Verdict::Held);
-    Ok(if held { Outcome::Done } else { Outcome::No })
+    times.execute_s += clock.elapsed().as_secs_f64();
+    let (points, triangles) = (scan.cloud.len(), surface_triangles);
+    Ok(Made { points, triangles, planned, execution })
 }
 
 fn verdict(execution: Option<&Execution>) -> &'static str {
@@ -184,9 +235,9 @@ fn plan(
     object: &Object,
     mesh: Mesh,
     seen: Option<SeenSurface>,
+    seed: u64,
 ) -> anyhow::Result<(Scene, Planned)> {
-    let search =
-        Search { strategy: args.strategy, friction: args.friction, mass_kg: object.mass_kg, seed: args.seed };
+    let search = Search { strategy: args.strategy, friction: args.friction, mass_kg: object.mass_kg, seed };
     let progress = bar(args.strategy.default_attempts(), "attempts");
     // The document names what it was planned on: the mesh beside it.
     let found = search.run(mesh, seen, "mesh.stl", 10, &|done| progress.set_position(done as u64))?;

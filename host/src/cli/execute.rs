@@ -7,18 +7,19 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, bail, ensure};
 use clap::Args;
 use hand_model::{HandAngles, HandModel};
-use nalgebra::Isometry3;
-use protocol::ids::{FingerId, JointId};
+use nalgebra::{Isometry3, Translation3};
+use protocol::ids::JointId;
 use serde_json::{Value, json};
 
 use super::{Outcome, input, write_json};
-use crate::exec::{Event, EventKind, Execution, ExecutionPlan, ExecutionSettings, Verdict, execute};
+use crate::exec::{Event, Execution, ExecutionPlan, ExecutionSettings, Trouble, Verdict, execute};
 use crate::hand::{Hand, hit_dlr};
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::link::ThumbLaw;
 use crate::object::{BuiltIn, Object};
 use crate::plan::document::{GraspInfo, PlanDocument, Pose, Posture, hand_angles, mesh_hash};
-use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin};
+use crate::record::{RecordedScene, write_recording};
+use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin, TwinSettings};
 
 /// Largest plan document that is read, bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -30,12 +31,12 @@ const WAY_M: f64 = 1.0;
 
 /// Friction of bare links and of the table on the object: metal and wood on plastic (assumed).
 const LINK_FRICTION: f64 = 0.3;
-const TABLE_FRICTION: f64 = 0.4;
+pub(super) const TABLE_FRICTION: f64 = 0.4;
 
-/// Execute a grasp of a plan: approach, close, squeeze, lift, hold
+/// Execute a grasp of a plan: approach, close, lift, hold, shake, put down
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6"
+    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6\n  prehend execute plan.json --offset 0.02,0,0 --record run.mcap"
 )]
 pub struct ExecuteArgs {
     /// Plan to execute, as `prehend plan` writes it
@@ -57,6 +58,9 @@ pub struct ExecuteArgs {
     /// True mass in kg; by default what the plan counts on
     #[arg(long, value_name = "KG", value_parser = input::positive, allow_negative_numbers = true)]
     pub mass: Option<f64>,
+    /// How far the object truly stands from where it should, x,y,z in metres
+    #[arg(long, value_name = "X,Y,Z", value_parser = input::triple, default_value = "0,0,0", hide_default_value = true, allow_negative_numbers = true)]
+    pub offset: [f64; 3],
     /// Seed of the sensors' noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
@@ -66,6 +70,9 @@ pub struct ExecuteArgs {
     /// Record of the run to write, or - for standard output
     #[arg(short, long, value_name = "RUN.json")]
     pub output: Option<PathBuf>,
+    /// Recording to write for viewers (MCAP with Foxglove's schemas: Foxglove, Rerun)
+    #[arg(long, value_name = "RUN.mcap")]
+    pub record: Option<PathBuf>,
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
@@ -104,8 +111,11 @@ pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     };
     let truth = truth(args, &document)?;
     let LinkChoice::Twin = args.link;
-    let execution = on_twin(&document, grasp, &truth, args.seed)
+    let execution = on_twin(&document, grasp, &truth, args.seed, &RunSettings::default())
         .with_context(|| format!("executing {}", args.plan.display()))?;
+    if let Some(path) = &args.record {
+        record_run(path, &truth, &execution)?;
+    }
     match &args.output {
         Some(path) if !to_stdout => write_record(path, &execution)?,
         _ => {}
@@ -165,6 +175,7 @@ fn truth(args: &ExecuteArgs, document: &PlanDocument) -> anyhow::Result<Truth> {
     } else {
         input::standing_at_spot(&object.mesh, table_m)
     };
+    let base_from_object = Translation3::from(args.offset) * base_from_object;
     Ok(Truth { object, base_from_object, table_height_m: document.table_height_m })
 }
 
@@ -220,12 +231,20 @@ fn thumb_law(grasp: &GraspInfo) -> anyhow::Result<ThumbLaw> {
     Ok(if candidate.wraps { ThumbLaw::Position } else { ThumbLaw::Impedance })
 }
 
+/// How to execute, and on what simulated hand.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct RunSettings {
+    pub(super) execution: ExecutionSettings,
+    pub(super) twin: TwinSettings,
+}
+
 /// Executes one grasp on the simulated hand.
 pub(super) fn on_twin(
     document: &PlanDocument,
     grasp: &GraspInfo,
     truth: &Truth,
     seed: u64,
+    settings: &RunSettings,
 ) -> anyhow::Result<Execution> {
     let plan = ExecutionPlan {
         approach_site: pose(grasp.approach_site, "approach_site")?,
@@ -257,9 +276,22 @@ pub(super) fn on_twin(
         friction: Friction { tip: object.friction, link: LINK_FRICTION, table: TABLE_FRICTION },
         gravity: crate::twin::plant::GRAVITY,
     };
-    let mut twin = Twin::new(&scene, SensorParameters::hit_dlr(), seed)
+    let mut twin = Twin::with_settings(&scene, SensorParameters::hit_dlr(), seed, &settings.twin)
         .with_context(|| format!("simulating {}", object.name))?;
-    Ok(execute(&hand, &plan, &ExecutionSettings::default(), &mut twin)?)
+    Ok(execute(&hand, &plan, &settings.execution, &mut twin)?)
+}
+
+/// Writes the recording of a run for viewers.
+pub(super) fn record_run(path: &Path, truth: &Truth, execution: &Execution) -> anyhow::Result<()> {
+    let hand = Hand::hit_dlr()?;
+    let scene = RecordedScene {
+        hand: &hand,
+        object: &truth.object.mesh,
+        object_name: &truth.object.name,
+        table_height_m: truth.table_height_m,
+    };
+    write_atomically(path, |writer| write_recording(&scene, execution, writer))?;
+    Ok(())
 }
 
 /// Writes what happened and the trace to a file.
@@ -284,7 +316,7 @@ fn record(execution: &Execution) -> Value {
             .map(|sample| {
                 json!({
                     "time_s": sample.time_s,
-                    "phase": format!("{:?}", sample.phase).to_lowercase(),
+                    "phase": sample.phase.name(),
                     "palm_position": <[f64; 3]>::from(sample.base_from_palm.translation.vector),
                     "commanded_rad": sample.commanded_rad,
                     "measured_rad": sample.measured_rad,
@@ -301,8 +333,13 @@ fn record(execution: &Execution) -> Value {
 fn summary(execution: &Execution) -> Value {
     json!({
         "verdict": execution.verdict.name(),
+        "felt": execution.felt.name(),
+        "trouble": execution.trouble.map(Trouble::name),
+        "shift_m": execution.shift_m,
         "lift_height_m": execution.lift_height_m,
         "slip_m": execution.slip_m,
+        "misplaced_m": execution.misplaced_m,
+        "grip_max": execution.grip_max,
         "duration_s": execution.duration_s,
         "events": execution.events.iter().map(|event| json!({
             "time_s": event.time_s,
@@ -313,14 +350,7 @@ fn summary(execution: &Execution) -> Value {
 
 /// The event in words: `lift`, `contact index`, `slip thumb`.
 fn event_name(event: &Event) -> String {
-    let of = |what: &str, finger: FingerId| format!("{what} {}", finger.name());
-    match event.kind {
-        EventKind::Phase(phase) => format!("{phase:?}").to_lowercase(),
-        EventKind::Contact(finger) => of("contact", finger),
-        EventKind::ContactLost(finger) => of("contact-lost", finger),
-        EventKind::UnexpectedContact(finger) => of("unexpected-contact", finger),
-        EventKind::Slip(finger) => of("slip", finger),
-    }
+    event.kind.to_string()
 }
 
 /// How it went, in lines for people.
@@ -331,9 +361,16 @@ pub(super) fn describe(execution: &Execution, out: &mut dyn Write) -> std::io::R
     if let Some(lift_m) = execution.lift_height_m {
         write!(out, "the object rose {:.1} mm", lift_m * 1e3)?;
         match execution.slip_m {
-            Some(slip_m) => writeln!(out, " and moved {:.1} mm in the hand", slip_m * 1e3)?,
+            Some(slip_m) => write!(out, ", moved {:.1} mm in the hand", slip_m * 1e3)?,
+            None => {}
+        }
+        match execution.misplaced_m {
+            Some(misplaced_m) => writeln!(out, ", and stands {:.1} mm from where it was", misplaced_m * 1e3)?,
             None => writeln!(out)?,
         }
+    }
+    if let Some(trouble) = execution.trouble {
+        writeln!(out, "{}: {}", trouble.name(), trouble.explanation())?;
     }
     writeln!(out, "verdict: {}", execution.verdict.name())
 }

@@ -73,7 +73,7 @@ enum Command {
     Quality(quality::QualityArgs),
     /// Run a plan: approach, close, lift, watch for slip
     Execute(execute::ExecuteArgs),
-    /// The paper's experiment on the virtual cell: many trials from scan to hold, as a table
+    /// The paper's experiment on the virtual cell: many trials from scan to put-down, as a table
     Experiment(experiment::ExperimentArgs),
     /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
     Export(export::ExportArgs),

@@ -3,7 +3,8 @@
 use anyhow::Context;
 use nalgebra::Isometry3;
 
-use super::input::TABLE_HEIGHT_M;
+use super::execute::Truth;
+use super::input::{SPOT_M, TABLE_HEIGHT_M};
 use super::plan::Strategy;
 use super::planning::{Planned, Planner};
 use crate::object::Object;
@@ -15,6 +16,17 @@ use crate::surface::{
     Mesh, Plane, PointCloud, ReconstructError, Reconstruction, Settings as ReconstructSettings, Table,
     reconstruct,
 };
+
+/// How far from the cell's spot an object may have come and still be scanned and grasped again, metres.
+const IN_CELL_M: f64 = 0.12;
+
+/// Whether the object is still where the arm can scan and grasp it.
+pub(super) fn is_in_cell(truth: &Truth) -> bool {
+    let (low, high) = truth.object.mesh.transformed(&truth.base_from_object).bounding_box();
+    let middle = nalgebra::center(&low, &high);
+    let away_m = (middle.x - SPOT_M[0]).hypot(middle.y - SPOT_M[1]);
+    away_m < IN_CELL_M && (low.z - TABLE_HEIGHT_M).abs() < 0.01
+}
 
 /// The closed surface of what stands on the cell's table, base frame.
 pub(super) fn surface(cloud: &PointCloud, seed: u64) -> Result<Reconstruction, ReconstructError> {

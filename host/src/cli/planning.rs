@@ -252,8 +252,11 @@ impl Planner<'_> {
             })
         };
         let mut pushes: Vec<LinkPush> = grasp.contacts.iter().zip(&forces).filter_map(push).collect();
-        // Forces that balance do so at any size: what is too much for a drive is less for all.
-        let share = torque_share(&scene.hand, &grasp.grasp, &pushes);
+        // Forces that balance do so at any size: what is too much for a drive or a fingertip is less for all.
+        let tips = scene.hand.model.as_ref().filter(|_| is_precise);
+        let tip_max_n = tips.map_or(f64::INFINITY, |model| model.drive.tip_force_max_n);
+        let strongest_n = pushes.iter().map(|push| push.force_in_palm.norm()).fold(0.0, f64::max);
+        let share = torque_share(&scene.hand, &grasp.grasp, &pushes).max(strongest_n / tip_max_n);
         if share > 1.0 {
             if grip_n / share < grip_n.min(carrying_n) {
                 return None;

@@ -1,9 +1,12 @@
-//! From a plan to a held object: motion of palm and fingers, grip, slip reflex, verdict.
+//! From a plan to an object lifted, held, shaken and put down: motion of palm and fingers, grip, slip reflex, verdict.
 //!
 //! Knows the hand only through [`Link`](crate::link::Link), so the same code drives the simulated hand and the real one.
 mod grip;
+mod judge;
 mod monitor;
+mod motion;
 mod outcome;
+mod phase;
 mod plan;
 mod run;
 
@@ -12,6 +15,8 @@ pub use grip::{
     squeeze_targets, torque_share,
 };
 pub use monitor::{FeltContact, Monitor, MonitorConfig, Touch, felt_contact};
-pub use outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
-pub use plan::{ExecutionPlan, ExecutionSettings};
+pub use motion::shake_offset_m;
+pub use outcome::{Event, EventKind, Execution, TraceSample, Trouble, Verdict};
+pub use phase::Phase;
+pub use plan::{Closing, ExecutionPlan, ExecutionSettings};
 pub use run::{ExecutionError, execute};

@@ -1,21 +1,38 @@
 //! What came of it.
 
+use core::fmt;
+
 use nalgebra::Isometry3;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT};
+
+use super::phase::Phase;
+use crate::link::TipWrench;
 
 /// How an execution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
-    /// Lifted and held where it was grasped.
+    /// Lifted, held, shaken, and put down where it had stood.
     Held,
     /// Still in the hand, but it moved in it by more than allowed.
     Slipped,
     /// Lifted, then lost.
     Dropped,
+    /// Lost while it was shaken.
+    DroppedInShake,
     /// It stayed on the table.
     NotLifted,
     /// It was pushed away before the fingers had closed.
     Disturbed,
+    /// A fingertip touched something on the way in: the hand stopped and went back.
+    Obstructed,
+    /// The fingers closed and did not find the object: the hand opened and went back.
+    Missed,
+    /// The fingertips felt slip that the tightest grip did not stop: the object was put down at once.
+    SlipNotStopped,
+    /// Held, but it does not stand where it was put down.
+    Misplaced,
+    /// Put down, but it came away with the open hand.
+    NotReleased,
 }
 
 impl Verdict {
@@ -26,33 +43,16 @@ impl Verdict {
             Self::Held => "held",
             Self::Slipped => "slipped",
             Self::Dropped => "dropped",
+            Self::DroppedInShake => "dropped-in-shake",
             Self::NotLifted => "not-lifted",
             Self::Disturbed => "disturbed",
+            Self::Obstructed => "obstructed",
+            Self::Missed => "missed",
+            Self::SlipNotStopped => "slip-not-stopped",
+            Self::Misplaced => "misplaced",
+            Self::NotReleased => "not-released",
         }
     }
-}
-
-/// Parts of an execution, in their order.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Phase {
-    /// At the approach site: the hand takes its pregrasp and the thumb its rotation.
-    Prepare,
-    /// Straight to the grasp site.
-    Advance,
-    /// All fingers to the surface.
-    Close,
-    /// The grip grows.
-    Squeeze,
-    /// Straight up.
-    Lift,
-    /// Still.
-    Hold,
-}
-
-impl Phase {
-    /// All phases in their order.
-    pub const ALL: [Self; 6] =
-        [Self::Prepare, Self::Advance, Self::Close, Self::Squeeze, Self::Lift, Self::Hold];
 }
 
 /// Something worth telling.
@@ -68,6 +68,68 @@ pub enum EventKind {
     Slip(FingerId),
     /// A fingertip that was in contact feels nothing any more.
     ContactLost(FingerId),
+    /// The course is left.
+    Trouble(Trouble),
+}
+
+impl fmt::Display for EventKind {
+    /// As in reports: `lift`, `contact index`, `slip thumb`, `lost`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let (what, finger) = match self {
+            Self::Phase(phase) => return f.write_str(phase.name()),
+            Self::Trouble(trouble) => return f.write_str(trouble.name()),
+            Self::Contact(finger) => ("contact", finger),
+            Self::ContactLost(finger) => ("contact-lost", finger),
+            Self::UnexpectedContact(finger) => ("unexpected-contact", finger),
+            Self::Slip(finger) => ("slip", finger),
+        };
+        write!(f, "{what} {}", finger.name())
+    }
+}
+
+/// Why an execution leaves its course for a safe end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Trouble {
+    /// Something is in the way of the open hand: the palm stops and goes back as it came.
+    Obstructed,
+    /// Fewer than two fingers feel the object that they have closed on: they open, and the palm goes back.
+    Missed,
+    /// Fewer than two fingers feel the lifted object any more: the palm stops, the hand opens and stays above.
+    Lost,
+    /// Fewer than two fingers are firm and others slip at the tightest grip: the object is put down at once.
+    SlipNotStopped,
+}
+
+impl Trouble {
+    /// Lower-case name, as in reports.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Obstructed => "obstructed",
+            Self::Missed => "missed",
+            Self::Lost => "lost",
+            Self::SlipNotStopped => "slip-not-stopped",
+        }
+    }
+
+    /// What happened and what the hand did about it, in words.
+    #[must_use]
+    pub const fn explanation(self) -> &'static str {
+        match self {
+            Self::Obstructed => {
+                "a fingertip touched something on the way in: the palm stopped and went back, hand open"
+            }
+            Self::Missed => {
+                "the fingers closed and fewer than two felt the object: the hand opened and went back"
+            }
+            Self::Lost => {
+                "fewer than two fingers felt the lifted object any more: the palm stopped, the hand opened above"
+            }
+            Self::SlipNotStopped => {
+                "fewer than two fingers were firm at the tightest grip: the object was put down at once"
+            }
+        }
+    }
 }
 
 /// An event and its time.
@@ -92,6 +154,10 @@ pub struct TraceSample {
     pub commanded_rad: [f64; JOINT_COUNT],
     /// Measured joint angles.
     pub measured_rad: [f64; JOINT_COUNT],
+    /// Measured joint torques, N m.
+    pub joint_torque_nm: [f64; JOINT_COUNT],
+    /// Measured wrench on each fingertip, not filtered, axes of the distal link.
+    pub tip_wrench: [TipWrench; FINGER_COUNT],
     /// Filtered force on each fingertip.
     pub tip_force_n: [f64; FINGER_COUNT],
     /// True pose of the object, where it is known.
@@ -103,10 +169,22 @@ pub struct TraceSample {
 pub struct Execution {
     /// How it ended.
     pub verdict: Verdict,
-    /// How far the object's centre rose, where its true place is known.
+    /// How the hand's own sensors say that it ended: what a robot can act on that nobody watches.
+    pub felt: Verdict,
+    /// Why the course was left, if it was.
+    pub trouble: Option<Trouble>,
+    /// How far the object moved while the fingers closed, where its true place is known.
+    pub shift_m: Option<f64>,
+    /// How far the object's centre had risen by the end of the hold, or at most if it did not get there.
     pub lift_height_m: Option<f64>,
-    /// How far the object moved in the palm frame since the grip stood, where that is known.
+    /// How far the object moved in the palm frame from the squeeze to the end of hold and shake, the larger of both.
     pub slip_m: Option<f64>,
+    /// How far from where it stood at first the object was put down.
+    pub misplaced_m: Option<f64>,
+    /// The greatest multiple of the planned grip that the slip reflex asked for.
+    pub grip_max: f64,
+    /// Where the object is at the end, where that is known.
+    pub base_from_object: Option<Isometry3<f64>>,
     /// Simulated or real time that it took.
     pub duration_s: f64,
     /// What happened, in order.

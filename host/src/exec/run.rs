@@ -1,17 +1,21 @@
-//! One grasp from the approach site to a verdict.
-
-use core::f64::consts::FRAC_PI_2;
+//! One grasp from the approach site to a verdict: the state machine.
 
 use hand_model::HandModel;
-use nalgebra::{Isometry3, Point3, Translation3};
-use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JointId};
+use nalgebra::Isometry3;
+use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT, JOINTS_PER_FINGER, JointId};
 use thiserror::Error;
 
+use super::judge::{Course as Judged, Sight};
 use super::monitor::{Monitor, MonitorConfig, Touch};
-use super::outcome::{Event, EventKind, Execution, Phase, TraceSample, Verdict};
-use super::plan::{ExecutionPlan, ExecutionSettings};
-use crate::link::{Command, Link, LinkError, Report, ThumbLaw, TrueObject};
-use crate::plan::profile::rest_to_rest;
+use super::motion::{Course, Start};
+use super::outcome::{Event, EventKind, Execution, TraceSample, Trouble};
+use super::phase::Phase;
+use super::plan::{Closing, ExecutionPlan, ExecutionSettings};
+use crate::link::{Command, Link, LinkError, Report, TrueObject};
+
+/// Change of a joint's torque from which its finger counts as loaded where its tip feels nothing: a link touches, as in a
+/// power grasp. Twice what the weight of a stretched finger changes.
+const LOADED_NM: f64 = 0.1;
 
 /// Why a plan was not executed to its end.
 #[derive(Debug, Error)]
@@ -37,7 +41,7 @@ pub enum ExecutionError {
 /// Drives `link` through `plan`.
 ///
 /// # Errors
-/// [`ExecutionError`]; a grasp that fails is not an error but a [`Verdict`].
+/// [`ExecutionError`]; a grasp that fails is not an error but a [`Verdict`](super::Verdict).
 pub fn execute<L: Link + ?Sized>(
     model: &HandModel<f64>,
     plan: &ExecutionPlan,
@@ -45,76 +49,28 @@ pub fn execute<L: Link + ?Sized>(
     link: &mut L,
 ) -> Result<Execution, ExecutionError> {
     check(settings)?;
-    let mut run = Run {
-        plan,
-        settings,
-        monitor: Monitor::new(MonitorConfig::new(&model.finger, plan.friction)),
-        tick: 0,
-        grip: 1.0,
-        touched: [false; FINGER_COUNT],
-        slipping: [false; FINGER_COUNT],
-        events: Vec::new(),
-        trace: Vec::new(),
-    };
-    let at_start = link.object();
-    let mut highest_m = f64::NEG_INFINITY;
-    let (mut before_close, mut gripped) = (at_start, None);
-    let mut gripped_by = 0;
-    for phase in Phase::ALL {
-        run.event(EventKind::Phase(phase));
-        match phase {
-            Phase::Close => before_close = link.object(),
-            Phase::Lift => {
-                gripped = link.object();
-                gripped_by = run.fingers_touching();
-            }
-            _ => {}
-        }
-        let ticks = (run.duration_s(model, phase) / settings.period_s).ceil().max(1.0);
+    let mut run = Run::new(Course { plan, settings, model });
+    let mut next = Some(Phase::Prepare);
+    while let Some(phase) = next {
+        run.begin(phase, link.object());
+        let ticks = (run.course.duration_s(phase, &run.start, run.trouble()) / settings.period_s).ceil();
         for tick in 1..=ticks as u64 {
-            let command = run.command(phase, tick as f64 * settings.period_s, ticks * settings.period_s);
+            let times = [tick as f64, ticks].map(|ticks| ticks * settings.period_s);
+            let command = run.course.command(phase, &run.start, run.trouble(), times, run.grip);
             let report = link
                 .step(&command, settings.period_s)
                 .map_err(|source| ExecutionError::Link { time_s: run.time_s(), source })?;
-            run.tick += 1;
             run.take_in(phase, &command, &report, link.object());
-            highest_m = highest_m.max(rise_m(at_start, link.object()).unwrap_or(f64::NEG_INFINITY));
             if phase == Phase::Prepare && is_prepared(plan, &report) {
                 break;
             }
-        }
-    }
-    let at_end = link.object();
-    let lift_height_m = rise_m(at_start, at_end);
-    let slip_m = slip_m(plan, settings, gripped, at_end);
-    let pushed = at_start
-        .zip(before_close)
-        .is_some_and(|(a, b)| (a.center_in_base - b.center_in_base).norm() > settings.displacement_max_m);
-    let slipped = slip_m.is_some_and(|slip| slip > settings.displacement_max_m);
-    let verdict = match lift_height_m {
-        _ if pushed => Verdict::Disturbed,
-        Some(rise) if rise > 0.5 * settings.lift_m => {
-            if slipped {
-                Verdict::Slipped
-            } else {
-                Verdict::Held
+            if run.trouble_in(phase) {
+                break;
             }
         }
-        Some(_) if highest_m > 0.1 * settings.lift_m => Verdict::Dropped,
-        Some(_) => Verdict::NotLifted,
-        // Where nobody sees the object the fingertips must tell: it takes two to hold.
-        None if run.fingers_touching() >= 2 => Verdict::Held,
-        None if gripped_by >= 2 => Verdict::Dropped,
-        None => Verdict::NotLifted,
-    };
-    Ok(Execution {
-        verdict,
-        lift_height_m,
-        slip_m,
-        duration_s: run.time_s(),
-        events: run.events,
-        trace: run.trace,
-    })
+        next = run.after(phase);
+    }
+    Ok(run.end(link.object()))
 }
 
 /// Whether the hand has its pregrasp, within what friction and weight leave.
@@ -127,14 +83,23 @@ fn is_prepared(plan: &ExecutionPlan, report: &Report) -> bool {
 }
 
 fn check(settings: &ExecutionSettings) -> Result<(), ExecutionError> {
+    let closing = match settings.closing {
+        Closing::Together => 1.0,
+        Closing::EachAtSpeed(rad_per_s) => rad_per_s,
+    };
     let positive = [
         ("period_s", settings.period_s),
         ("advance_speed_m_per_s", settings.advance_speed_m_per_s),
         ("close_s", settings.close_s),
+        ("closing", closing),
         ("squeeze_s", settings.squeeze_s),
         ("lift_m", settings.lift_m),
         ("lift_s", settings.lift_s),
         ("hold_s", settings.hold_s),
+        // No shake is a shake, too.
+        ("shake_m_per_s2", settings.shake_m_per_s2 + f64::MIN_POSITIVE),
+        ("shake_s", settings.shake_s),
+        ("stop_m_per_s2", settings.stop_m_per_s2),
         ("reflex_max", settings.reflex_max),
         ("trace_period_s", settings.trace_period_s),
     ];
@@ -144,111 +109,152 @@ fn check(settings: &ExecutionSettings) -> Result<(), ExecutionError> {
     }
 }
 
-/// How far the centre rose from `start`.
-fn rise_m(start: Option<TrueObject>, now: Option<TrueObject>) -> Option<f64> {
-    start.zip(now).map(|(a, b)| b.center_in_base.z - a.center_in_base.z)
-}
-
-/// How far the centre moved in the palm frame from the end of the squeeze to the end of the hold.
-fn slip_m(
-    plan: &ExecutionPlan,
-    settings: &ExecutionSettings,
-    gripped: Option<TrueObject>,
-    at_end: Option<TrueObject>,
-) -> Option<f64> {
-    let in_palm = |site: Isometry3<f64>, object: TrueObject| -> Point3<f64> {
-        site.inverse_transform_point(&object.center_in_base)
-    };
-    gripped.zip(at_end).map(|(a, b)| {
-        (in_palm(lifted(&plan.grasp_site, settings.lift_m), b) - in_palm(plan.grasp_site, a)).norm()
-    })
-}
-
-fn lifted(site: &Isometry3<f64>, by_m: f64) -> Isometry3<f64> {
-    Translation3::new(0.0, 0.0, by_m) * site
-}
-
 /// The course of an execution.
 struct Run<'a> {
-    plan: &'a ExecutionPlan,
-    settings: &'a ExecutionSettings,
+    course: Course<'a>,
+    judged: Judged,
     monitor: Monitor,
     tick: u64,
+    start: Start,
+    /// The last two commanded poses of the palm, the later one first.
+    palm: [Isometry3<f64>; 2],
     /// Multiple of the planned grip; the slip reflex raises it.
     grip: f64,
+    /// The most that the slip reflex may ask for: where a fingertip is at its limit, more from the others pushes the
+    /// object towards it instead of holding it.
+    grip_most: f64,
+    /// Fingers that press in the grip.
+    presses: [bool; FINGER_COUNT],
     touched: [bool; FINGER_COUNT],
     slipping: [bool; FINGER_COUNT],
+    /// Joint torques before the fingers closed.
+    unloaded_nm: Option<[f64; JOINT_COUNT]>,
+    loaded: [bool; FINGER_COUNT],
+    /// How long fewer than two fingers have felt the object.
+    lost_s: f64,
+    /// How long fewer than two fingers have been firm at the tightest grip.
+    slip_s: f64,
     events: Vec<Event>,
     trace: Vec<TraceSample>,
 }
 
-impl Run<'_> {
-    fn time_s(&self) -> f64 {
-        self.tick as f64 * self.settings.period_s
+impl<'a> Run<'a> {
+    fn new(course: Course<'a>) -> Self {
+        let plan = course.plan;
+        let palm = plan.approach_site;
+        let presses = FingerId::ALL
+            .map(|finger| plan.grasp.fingers[finger.index()] != plan.squeeze.fingers[finger.index()]);
+        Self {
+            monitor: Monitor::new(MonitorConfig::new(&course.model.finger, plan.friction)),
+            judged: Judged::default(),
+            tick: 0,
+            start: Start { base_from_palm: palm, before: palm, grips: false, grip: 1.0 },
+            palm: [palm; 2],
+            grip: 1.0,
+            grip_most: course.settings.reflex_max.max(1.0),
+            presses,
+            touched: [false; FINGER_COUNT],
+            slipping: [false; FINGER_COUNT],
+            unloaded_nm: None,
+            loaded: [false; FINGER_COUNT],
+            lost_s: 0.0,
+            slip_s: 0.0,
+            course,
+            events: Vec::new(),
+            trace: Vec::new(),
+        }
     }
 
-    fn fingers_touching(&self) -> usize {
-        self.touched.iter().filter(|&&touches| touches).count()
+    fn settings(&self) -> &'a ExecutionSettings {
+        self.course.settings
+    }
+
+    fn time_s(&self) -> f64 {
+        self.tick as f64 * self.settings().period_s
+    }
+
+    fn trouble(&self) -> Option<Trouble> {
+        self.judged.trouble.map(|(trouble, _)| trouble)
     }
 
     fn event(&mut self, kind: EventKind) {
         self.events.push(Event { time_s: self.time_s(), kind });
     }
 
-    fn duration_s(&self, model: &HandModel<f64>, phase: Phase) -> f64 {
-        let settings = self.settings;
-        match phase {
-            // At most: the thumb's base has a quarter turn to go at its own speed.
-            Phase::Prepare => FRAC_PI_2 / model.thumb_rotation.speed_max_rad_per_s + 0.5,
-            Phase::Advance => {
-                let way =
-                    self.plan.grasp_site.translation.vector - self.plan.approach_site.translation.vector;
-                let turn = self.plan.grasp_site.rotation.angle_to(&self.plan.approach_site.rotation);
-                // A radian of turning counts as a decimetre.
-                (way.norm() + 0.1 * turn) / settings.advance_speed_m_per_s
-            }
-            Phase::Close => settings.close_s,
-            Phase::Squeeze => settings.squeeze_s,
-            Phase::Lift => settings.lift_s,
-            Phase::Hold => settings.hold_s,
-        }
+    fn sight(&self, object: Option<TrueObject>) -> Option<Sight> {
+        object.map(|object| Sight { base_from_palm: self.palm[0], object })
     }
 
-    /// The command at `time_s` of a phase that takes `duration_s`.
-    fn command(&self, phase: Phase, time_s: f64, duration_s: f64) -> Command {
-        let plan = self.plan;
-        let way = rest_to_rest(time_s, duration_s);
-        let base_from_palm = match phase {
-            Phase::Prepare => plan.approach_site,
-            Phase::Advance => plan.approach_site.lerp_slerp(&plan.grasp_site, way.share),
-            Phase::Close | Phase::Squeeze => plan.grasp_site,
-            Phase::Lift => lifted(&plan.grasp_site, self.settings.lift_m * way.share),
-            Phase::Hold => lifted(&plan.grasp_site, self.settings.lift_m),
-        };
-        let (open, grasp, squeeze) =
-            (plan.pregrasp.to_array(), plan.grasp.to_array(), plan.squeeze.to_array());
-        let (from, to, share, rate) = match phase {
-            Phase::Prepare | Phase::Advance => (open, open, 0.0, 0.0),
-            Phase::Close => (open, grasp, way.share, way.rate_per_s),
-            Phase::Squeeze => (grasp, squeeze, way.share, 0.0),
-            Phase::Lift | Phase::Hold => (grasp, squeeze, self.grip, 0.0),
-        };
-        Command {
-            position_rad: core::array::from_fn(|j| from[j] + (to[j] - from[j]) * share),
-            // A grip is a push against something: its targets have no speed of their own.
-            velocity_rad_per_s: core::array::from_fn(|j| (to[j] - from[j]) * rate),
-            feed_forward_nm: [0.0; JOINT_COUNT],
-            thumb: match phase {
-                Phase::Prepare | Phase::Advance | Phase::Close => ThumbLaw::Position,
-                Phase::Squeeze | Phase::Lift | Phase::Hold => plan.thumb,
-            },
-            base_from_palm,
+    fn begin(&mut self, phase: Phase, object: Option<TrueObject>) {
+        self.event(EventKind::Phase(phase));
+        self.judged.begins(phase, self.sight(object));
+        if phase == Phase::Lift {
+            let strongest_n =
+                FingerId::ALL.map(|finger| self.monitor.force_n(finger)).into_iter().fold(0.0, f64::max);
+            let room = self.course.model.drive.tip_force_max_n / strongest_n.max(f64::MIN_POSITIVE);
+            self.grip_most = self.grip_most.min(room).max(1.0);
         }
+        let [base_from_palm, before] = self.palm;
+        let grips = phase != Phase::Stop || self.trouble() != Some(Trouble::Obstructed);
+        self.start = Start { base_from_palm, before, grips, grip: self.grip };
+    }
+
+    /// Whether a finger presses and feels something, with its tip or in its joints.
+    fn holds(&self, f: usize) -> bool {
+        self.presses[f] && (self.touched[f] || self.loaded[f])
+    }
+
+    /// Whether it holds without slipping.
+    fn is_firm(&self, f: usize) -> bool {
+        self.holds(f) && !self.slipping[f]
+    }
+
+    fn fingers(&self, are: fn(&Self, usize) -> bool) -> usize {
+        (0..FINGER_COUNT).filter(|&f| are(self, f)).count()
     }
 
     /// Judges the sensors, tells of changes, tightens a slipping grip.
     fn take_in(&mut self, phase: Phase, command: &Command, report: &Report, object: Option<TrueObject>) {
-        let touch = self.monitor.update(report, self.settings.period_s);
+        self.tick += 1;
+        self.palm = [command.base_from_palm, self.palm[0]];
+        if let Some((start, now)) = self.judged.at_start.zip(object) {
+            let rise_m = now.center_in_base.z - start.object.center_in_base.z;
+            self.judged.highest_m = self.judged.highest_m.max(rise_m);
+        }
+        self.feel(phase, report);
+        let settings = self.settings();
+        let timed = |holds: bool, timer_s: f64| if holds { timer_s + settings.period_s } else { 0.0 };
+        let most = self.grip_most;
+        let slips = self.slipping.contains(&true);
+        // A finger may stay at the edge of its cone while the others hold: two that are firm are enough.
+        self.slip_s = timed(self.grip >= most && slips && self.fingers(Self::is_firm) < 2, self.slip_s);
+        let carries = phase.carries() || phase == Phase::Lower;
+        self.lost_s = timed(carries && self.fingers(Self::holds) < 2, self.lost_s);
+        if slips {
+            self.grip = (self.grip + settings.reflex_rate_per_s * settings.period_s).min(most);
+        }
+        let every = (settings.trace_period_s / settings.period_s).round().max(1.0) as u64;
+        if self.tick.is_multiple_of(every) {
+            self.trace.push(TraceSample {
+                time_s: self.time_s(),
+                phase,
+                base_from_palm: command.base_from_palm,
+                commanded_rad: command.position_rad,
+                measured_rad: report.position_rad,
+                joint_torque_nm: report.joint_torque_nm,
+                tip_wrench: report.tip_wrench,
+                tip_force_n: FingerId::ALL.map(|finger| self.monitor.force_n(finger)),
+                base_from_object: object.map(|o| o.base_from_object),
+            });
+        }
+    }
+
+    /// What each finger feels.
+    fn feel(&mut self, phase: Phase, report: &Report) {
+        if phase == Phase::Close && self.unloaded_nm.is_none() {
+            self.unloaded_nm = Some(report.joint_torque_nm);
+        }
+        let touch = self.monitor.update(report, self.settings().period_s);
         for finger in FingerId::ALL {
             let f = finger.index();
             let touches = touch[f] != Touch::Free;
@@ -260,27 +266,78 @@ impl Run<'_> {
                     (false, _) => EventKind::ContactLost(finger),
                 });
             }
-            let slips = touch[f] == Touch::Slipping && matches!(phase, Phase::Lift | Phase::Hold);
+            let slips = touch[f] == Touch::Slipping && phase.carries();
             if slips && !self.slipping[f] {
                 self.event(EventKind::Slip(finger));
             }
             self.slipping[f] = slips;
-        }
-        if self.slipping.contains(&true) {
-            let more = self.settings.reflex_rate_per_s * self.settings.period_s;
-            self.grip = (self.grip + more).min(self.settings.reflex_max.max(1.0));
-        }
-        let every = (self.settings.trace_period_s / self.settings.period_s).round().max(1.0) as u64;
-        if self.tick.is_multiple_of(every) {
-            self.trace.push(TraceSample {
-                time_s: self.time_s(),
-                phase,
-                base_from_palm: command.base_from_palm,
-                commanded_rad: command.position_rad,
-                measured_rad: report.position_rad,
-                tip_force_n: FingerId::ALL.map(|finger| self.monitor.force_n(finger)),
-                base_from_object: object.map(|o| o.base_from_object),
+            let first = 1 + JOINTS_PER_FINGER * f;
+            self.loaded[f] = self.unloaded_nm.is_some_and(|before| {
+                (first..first + JOINTS_PER_FINGER)
+                    .any(|joint| (report.joint_torque_nm[joint] - before[joint]).abs() > LOADED_NM)
             });
+        }
+    }
+
+    /// Whether the course is to be left in this phase, now.
+    fn trouble_in(&mut self, phase: Phase) -> bool {
+        let settings = self.settings();
+        let carries = phase.carries();
+        let trouble = if self.judged.trouble.is_some() {
+            None
+        } else if matches!(phase, Phase::Prepare | Phase::Advance) && self.touched.contains(&true) {
+            Some(Trouble::Obstructed)
+        } else if (carries || phase == Phase::Lower) && self.lost_s > settings.lost_s {
+            Some(Trouble::Lost)
+        } else if carries && self.slip_s > settings.slip_max_s {
+            Some(Trouble::SlipNotStopped)
+        } else {
+            None
+        };
+        self.leave_for(trouble, phase)
+    }
+
+    fn leave_for(&mut self, trouble: Option<Trouble>, phase: Phase) -> bool {
+        if let Some(trouble) = trouble {
+            self.judged.trouble = Some((trouble, phase));
+            self.event(EventKind::Trouble(trouble));
+        }
+        trouble.is_some()
+    }
+
+    /// What comes after a phase that is over or was broken off.
+    fn after(&mut self, phase: Phase) -> Option<Phase> {
+        let stopped = match self.judged.trouble {
+            Some((Trouble::Missed, _)) => false,
+            Some((_, in_phase)) => in_phase == phase,
+            None => false,
+        };
+        if stopped {
+            return Some(Phase::Stop);
+        }
+        if phase == Phase::Squeeze && self.fingers(Self::holds) < 2 {
+            self.leave_for(Some(Trouble::Missed), phase);
+        }
+        phase.next(self.trouble())
+    }
+
+    fn end(mut self, object: Option<TrueObject>) -> Execution {
+        self.judged.at_end = self.sight(object);
+        self.judged.touching_at_end = self.touched.iter().filter(|&&touches| touches).count();
+        let judged = &self.judged;
+        Execution {
+            verdict: judged.verdict(self.course.settings),
+            felt: judged.felt(),
+            trouble: self.trouble(),
+            shift_m: judged.shift_m(),
+            lift_height_m: judged.rise_m(),
+            slip_m: judged.slip_m(),
+            misplaced_m: judged.misplaced_m(),
+            grip_max: self.grip,
+            base_from_object: object.map(|object| object.base_from_object),
+            duration_s: self.time_s(),
+            events: self.events,
+            trace: self.trace,
         }
     }
 }

@@ -52,6 +52,13 @@ impl Object {
         Self { name: name.into(), mesh, mass_kg, friction, pieces: None }
     }
 
+    /// The same object, its convex pieces found once and for all.
+    #[must_use]
+    pub fn decomposed(mut self) -> Self {
+        self.pieces = Some(self.convex_pieces());
+        self
+    }
+
     /// Vertices of convex parts whose union is the body, object frame, metres: what a physics engine collides with.
     ///
     /// Built-in objects know theirs from the construction. A mesh from elsewhere that is convex is its own hull; any other

@@ -11,7 +11,7 @@ use rapier3d_f64::prelude::{
 };
 
 use super::convert::{engine_pose, engine_vector, project_pose, project_vector};
-use super::plant::{Friction, PlantError, STEP_S};
+use super::plant::{Friction, PlantError};
 use super::surface::{Part, surface};
 
 /// The palm follows the arm whatever the fingers do. The engine cannot combine a kinematic root with coupled joints, so
@@ -203,16 +203,17 @@ impl FingerBody {
     /// Adds the force that brings the palm to `base_from_palm` at the end of the next step.
     pub(super) fn drive_palm(&self, world: &mut PhysicsWorld, base_from_palm: &Isometry3<f64>) {
         let Some((multibody, _)) = world.multibody_joints.get(self.joints[0]) else { return };
+        let step_s = world.integration_parameters.dt;
         // The body's own velocity lags by one step; the first six coordinates of the articulated body are the palm's.
         let speeds = multibody.generalized_velocity();
         let (linear, angular) =
             (speeds.fixed_rows::<3>(0).into_owned(), speeds.fixed_rows::<3>(3).into_owned());
         let palm = &mut world.bodies[self.palm];
         let now = project_pose(palm.position());
-        let velocity = (base_from_palm.translation.vector - now.translation.vector) / STEP_S;
-        let spin = (base_from_palm.rotation * now.rotation.inverse()).scaled_axis() / STEP_S;
-        let push = (velocity - linear) * (PALM_MASS_KG / STEP_S);
-        let turn = (spin - angular) * (PALM_INERTIA_KG_M2 / STEP_S);
+        let velocity = (base_from_palm.translation.vector - now.translation.vector) / step_s;
+        let spin = (base_from_palm.rotation * now.rotation.inverse()).scaled_axis() / step_s;
+        let push = (velocity - linear) * (PALM_MASS_KG / step_s);
+        let turn = (spin - angular) * (PALM_INERTIA_KG_M2 / step_s);
         palm.add_force(engine_vector(&push), false);
         palm.add_torque(engine_vector(&turn), false);
     }

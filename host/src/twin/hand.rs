@@ -10,7 +10,7 @@ use rapier3d_f64::prelude::{ColliderBuilder, PhysicsWorld};
 
 use super::convert::{engine_vector, project_pose};
 use super::finger::{FingerBody, Wrench};
-use super::plant::{Friction, PlantError, STEP_S};
+use super::plant::{Friction, PlantError};
 use super::surface::{Part, surface};
 
 /// The hand in a world.
@@ -62,7 +62,7 @@ impl HandBody {
         thumb_rotation_rad: f64,
         base_from_palm: &Isometry3<f64>,
     ) {
-        let reach = self.rotation.speed_max_rad_per_s * STEP_S;
+        let reach = self.rotation.speed_max_rad_per_s * world.integration_parameters.dt;
         if thumb_rotation_rad.is_finite() {
             self.braked_rad += (thumb_rotation_rad - self.braked_rad).clamp(-reach, reach);
         }

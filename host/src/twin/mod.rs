@@ -12,12 +12,14 @@ mod finger;
 mod hand;
 mod object;
 pub mod plant;
+mod rest;
 mod sensors;
 mod surface;
 
-pub use embedded::{TICK_S, Twin};
+pub use embedded::{TICK_S, Twin, TwinSettings};
 pub use object::ObjectBody;
 pub use plant::{Friction, Plant, PlantError, Scene};
+pub use rest::{RestError, resting_pose};
 pub use sensors::SensorParameters;
 
 #[cfg(test)]

@@ -15,7 +15,7 @@ use super::object::ObjectBody;
 use super::surface::{Part, surface};
 use crate::link::TipWrench;
 
-/// Length of one physics step: half a control period.
+/// Length of one physics step unless another is asked for: half a control period.
 pub const STEP_S: f64 = 0.0005;
 
 /// Standard gravity, base frame, m/s^2.
@@ -109,9 +109,20 @@ pub struct PlantState {
 }
 
 impl Plant {
-    /// Sets up a scene.
+    /// Sets up a scene, with steps of [`STEP_S`].
+    ///
+    /// # Errors
+    /// [`PlantError`] when the scene cannot be simulated.
     pub fn new(scene: &Scene) -> Result<Self, PlantError> {
-        let mut world = engine_world(&scene.gravity);
+        Self::with_step(scene, STEP_S)
+    }
+
+    /// Sets up a scene, with steps of `step_s`.
+    ///
+    /// # Errors
+    /// [`PlantError`] when the scene cannot be simulated.
+    pub fn with_step(scene: &Scene, step_s: f64) -> Result<Self, PlantError> {
+        let mut world = engine_world(&scene.gravity, step_s);
         let angles = scene.angles.to_array();
         let hand =
             HandBody::insert(&mut world, &scene.hand, &scene.friction, &scene.base_from_palm, &angles)?;
@@ -124,7 +135,7 @@ impl Plant {
         Ok(Self { world, hand, object, time_steps: 0 })
     }
 
-    /// Advances by [`STEP_S`].
+    /// Advances by one step.
     pub fn step(&mut self, drive: &Drive) {
         let Drive { torque_nm, thumb_rotation_rad, base_from_palm } = drive;
         self.hand.drive(&mut self.world, torque_nm, *thumb_rotation_rad, base_from_palm);
@@ -159,12 +170,18 @@ impl Plant {
             }
         }
         PlantState {
-            time_s: self.time_steps as f64 * STEP_S,
+            time_s: self.time_steps as f64 * self.step_s(),
             angle_rad: self.hand.angles_rad(&self.world),
             load_nm: self.hand.load_nm(&self.world, &on_links),
             tip_wrench,
             base_from_distal,
         }
+    }
+
+    /// Length of one step.
+    #[must_use]
+    pub fn step_s(&self) -> f64 {
+        self.world.integration_parameters.dt
     }
 
     /// Pose of the palm.
@@ -199,7 +216,7 @@ impl Plant {
                     // The engine's normal points out of the first collider; both impulses act on the first body.
                     let impulse =
                         point.data.warmstart_tangent_world - manifold.data.normal * point.data.impulse;
-                    let force = project_vector(impulse) / if first { STEP_S } else { -STEP_S };
+                    let force = project_vector(impulse) / if first { self.step_s() } else { -self.step_s() };
                     let local = if first { point.local_p1 } else { point.local_p2 };
                     let place = self.world.colliders[collider].position() * local;
                     wrench.0 += force;
@@ -216,11 +233,11 @@ impl Plant {
 const RUBBER: SpringCoefficients<f64> = SpringCoefficients { natural_frequency: 200.0, damping_ratio: 2.0 };
 
 /// An empty world with the plant's settings.
-pub(super) fn engine_world(gravity: &Vector3<f64>) -> PhysicsWorld {
+pub(super) fn engine_world(gravity: &Vector3<f64>, step_s: f64) -> PhysicsWorld {
     let mut world = PhysicsWorld::new();
     world.gravity = engine_vector(gravity);
     let parameters = &mut world.integration_parameters;
-    parameters.dt = STEP_S;
+    parameters.dt = step_s;
     // The engine's tolerances are meant for metres; a hand works in centimetres.
     parameters.length_unit = 0.1;
     // One substep, so that the impulses of the step are the forces that the sensors see.

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use crate::solids::Solid;
 use crate::{number, prehend};
 
 /// A document without the times of the wall clock.
@@ -9,7 +10,7 @@ fn timeless(mut document: Value) -> Value {
     fn strip(value: &mut Value) {
         match value {
             Value::Object(fields) => {
-                fields.retain(|name, _| name != "seconds" && name != "plan_s");
+                fields.retain(|name, _| !["seconds", "plan_s", "twin_speed"].contains(&name.as_str()));
                 fields.values_mut().for_each(strip);
             }
             Value::Array(items) => items.iter_mut().for_each(strip),
@@ -45,4 +46,34 @@ fn trials_repeat_on_any_number_of_threads_and_add_up() {
     }
     let runs = document["runs"].as_array().unwrap();
     assert_eq!(runs.iter().filter(|run| run["verdict"] == "held").count() as f64, held);
+    let attempts: usize = runs.iter().map(|run| run["attempts"].as_array().unwrap().len()).sum();
+    assert_eq!(number(&document, "/redone"), (attempts - runs.len()) as f64);
+}
+
+#[test]
+fn a_file_takes_its_turn_lying_as_it_fell_and_its_runs_are_recorded() {
+    let folder = tempfile::tempdir().unwrap();
+    Solid::block([0.03, 0.05, 0.08], 1).write(&folder.path().join("block.off"));
+    let call = "experiment --object block.off=0.05 --trials 2 --seed 1 --redo 0 --record rec --json";
+    let document = prehend(folder.path(), call).ends_with(0).json();
+    assert_eq!((&document["trials"], &document["objects"]["block"]["trials"]), (&2.into(), &2.into()));
+    let runs = document["runs"].as_array().unwrap();
+    assert!(runs.iter().all(|run| run["mass_kg"] == 0.05 && run["scale"] == 1.0), "{document}");
+    let executed = number(&document, "/executed") as usize;
+    let names: Vec<String> = std::fs::read_dir(folder.path().join("rec"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    assert_eq!(names.len(), executed, "{names:?}");
+    assert!(names.iter().all(|name| name.starts_with("trial-") && name.ends_with("-1.mcap")), "{names:?}");
+}
+
+#[test]
+fn what_no_hand_can_span_is_begun_again_and_told() {
+    let folder = tempfile::tempdir().unwrap();
+    Solid::block([0.3, 0.3, 0.3], 1).write(&folder.path().join("crate.off"));
+    let call = "experiment --object crate.off=0.2 --trials 1 --redo 1 --sweeps paper --json";
+    let document = prehend(folder.path(), call).ends_with(0).json();
+    assert_eq!((&document["held"], &document["executed"]), (&0.into(), &0.into()), "{document}");
+    assert_eq!(document["runs"][0]["attempts"].as_array().unwrap().len(), 2);
 }

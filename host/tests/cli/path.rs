@@ -41,6 +41,24 @@ fn files_lead_from_scan_to_lift() {
     assert_eq!(execution["verdict"], "held");
     assert!((0.08..0.12).contains(&number(&execution, "/lift_height_m")), "{execution}");
 
+    // What a viewer gets of it.
+    run("execute plan.json --record run.mcap").ends_with(0);
+    let recording = fs::read(folder.path().join("run.mcap")).unwrap();
+    let mut topics = BTreeMap::<String, usize>::new();
+    for message in mcap::MessageStream::new(&recording).unwrap() {
+        *topics.entry(message.unwrap().channel.topic.clone()).or_default() += 1;
+    }
+    let samples = (number(&execution, "/duration_s") / 0.02).floor() as usize;
+    assert!(topics["/tf"].abs_diff(samples) <= 1 && topics["/wrenches"] == topics["/tf"], "{topics:?}");
+    assert_eq!(topics["/scene"], 1);
+    assert!(fs::read_dir(folder.path()).unwrap().count() == 4, "something was left behind");
+
+    // Where nothing is, the hand stops with an open hand and says so.
+    let missed = run("execute plan.json --offset 0.25,0,0 --json").ends_with(1).json();
+    assert_eq!((&missed["verdict"], &missed["trouble"]), (&"missed".into(), &"missed".into()), "{missed}");
+    let told = run("execute plan.json --offset 0.25,0,0").ends_with(1);
+    assert!(String::from_utf8_lossy(&told.stdout).contains("the hand opened and went back"));
+
     // The negative control: nobody lifts a cube with soaped fingers.
     let slippery = run("execute plan.json --link twin --friction 0.02 --json").ends_with(1).json();
     assert_ne!(slippery["verdict"], "held");

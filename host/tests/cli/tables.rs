@@ -257,6 +257,9 @@ pub(crate) const EXECUTE: &[WrongCall] = &[
     ("execute good.json --unit mm -o @.json", "box.off is not the mesh that was planned on"),
     ("execute good.json -o nowhere/@.json", "there is no directory nowhere"),
     ("execute good.json -o folder", "folder: is a directory"),
+    ("execute good.json --record folder", "folder: is a directory"),
+    ("execute good.json --record nowhere/@.mcap", "there is no directory nowhere"),
+    ("execute good.json --offset 1,2 -o @.json", "'1,2' for '--offset"),
 ];
 
 pub(crate) const EXPERIMENT: &[WrongCall] = &[
@@ -268,6 +271,14 @@ pub(crate) const EXPERIMENT: &[WrongCall] = &[
     ("experiment --strategy worst", "'worst'"),
     ("experiment --sweeps none", "'none'"),
     ("experiment cube", "'cube'"),
+    ("experiment --redo -1", "'-1' for '--redo"),
+    ("experiment --object nocube", "'nocube'"),
+    ("experiment --object none.stl", "none.stl: no such file"),
+    ("experiment --object box.off=0", "--object box.off=0: give a number above 0"),
+    ("experiment --object box.off=light", "--object box.off=light: give a number"),
+    ("experiment --object =0.1", "--object =0.1: name a file"),
+    ("experiment --thumb-stiffness 0", "'0' for '--thumb-stiffness"),
+    ("experiment --trials 1 --record box.off", "box.off: is a file"),
 ];
 
 pub(crate) const CALIBRATE: &[WrongCall] = &[

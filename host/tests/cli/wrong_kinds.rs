@@ -99,13 +99,15 @@ const SHAPES: &[Shape] = &[
         outputs: &["new.json"],
         amounts: &["--friction", "--mass"],
         counts: &["--grasp", "--seed"],
-        choices: &["--link", "--unit"],
+        choices: &["--link", "--unit", "--offset"],
     },
     Shape {
         command: "experiment",
-        words: "--strategy paper",
-        counts: &["--trials", "--seed", "--threads"],
-        choices: &["--sweeps"],
+        words: "--strategy paper --object box.off",
+        inputs: &["box.off"],
+        amounts: &["--thumb-stiffness", "--shake"],
+        counts: &["--trials", "--seed", "--threads", "--redo", "--plant-steps"],
+        choices: &["--sweeps", "--unit"],
         ..NONE
     },
     Shape {

@@ -2,15 +2,18 @@
 
 use std::f64::consts::TAU;
 use std::ops::RangeInclusive;
+use std::path::Path;
 
-use nalgebra::{Isometry3, Translation3, Vector3};
+use anyhow::Context;
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
 use rand_distr::StandardNormal;
 
-use crate::cli::execute::Truth;
+use crate::cli::execute::{TABLE_FRICTION, Truth};
 use crate::cli::input::{TABLE_HEIGHT_M, standing_at_spot};
-use crate::object::{BuiltIn, ObjectError};
+use crate::object::{BuiltIn, Object, ObjectError};
 use crate::scan::Instrument;
+use crate::twin::{ObjectBody, RestError, resting_pose};
 
 /// How far an object stands from the cell's spot along each axis, metres.
 const OFFSET_M: f64 = 0.02;
@@ -32,6 +35,13 @@ struct FrictionDraw {
     clip: [f64; 2],
 }
 
+impl FrictionDraw {
+    fn draw(&self, rng: &mut impl Rng) -> f64 {
+        let normal: f64 = rng.sample(StandardNormal);
+        (self.mean + self.deviation * normal).clamp(self.clip[0], self.clip[1])
+    }
+}
+
 const PLASTIC: FrictionDraw = FrictionDraw { mean: 0.6, deviation: 0.15, clip: [0.3, 1.0] };
 const PORCELAIN: FrictionDraw = FrictionDraw { mean: 0.6, deviation: 0.2, clip: [0.25, 1.0] };
 
@@ -48,23 +58,56 @@ const fn specimens(object: BuiltIn) -> (RangeInclusive<f64>, RangeInclusive<f64>
     }
 }
 
+/// Mass that a built-in object is gripped for, kg: the robot does not know the true one, so it counts on the heaviest.
+const PLANNED_MASS_KG: f64 = 0.2;
+
+/// Orientations in which an object of a file is dropped until it comes to rest in one.
+const DROPS: usize = 8;
+
+/// What takes its turn in the trials.
+pub(super) enum Specimen {
+    /// A built-in object, of drawn size and mass.
+    BuiltIn(BuiltIn),
+    /// An object of a file as it is, in a pose in which it comes to rest; the robot is told its mass.
+    File(Object),
+}
+
+impl Specimen {
+    /// Name for reports: of a file without its folder and extension.
+    pub(super) fn name(&self) -> String {
+        match self {
+            Self::BuiltIn(built_in) => built_in.name().to_owned(),
+            Self::File(object) => Path::new(&object.name)
+                .file_stem()
+                .map_or_else(|| object.name.clone(), |stem| stem.to_string_lossy().into_owned()),
+        }
+    }
+}
+
 /// What is drawn for one trial.
 pub(super) struct Cell {
-    pub(super) object: BuiltIn,
     pub(super) scale: f64,
     pub(super) yaw_rad: f64,
     pub(super) truth: Truth,
     pub(super) instrument: Instrument,
+    /// Mass that is planned with, kg.
+    pub(super) planned_kg: f64,
 }
 
 /// Draws a trial's cell.
-pub(super) fn cell(built_in: BuiltIn, rng: &mut impl Rng) -> Result<Cell, ObjectError> {
+pub(super) fn cell(specimen: &Specimen, rng: &mut impl Rng) -> anyhow::Result<Cell> {
+    match specimen {
+        Specimen::BuiltIn(built_in) => Ok(built_in_cell(*built_in, rng)?),
+        Specimen::File(object) => file_cell(object, rng),
+    }
+}
+
+fn built_in_cell(built_in: BuiltIn, rng: &mut impl Rng) -> Result<Cell, ObjectError> {
     let (scales, masses_kg) = specimens(built_in);
     let scale = rng.random_range(scales);
     let mass_kg = rng.random_range(masses_kg);
     let material = if built_in == BuiltIn::TeacupCover { PORCELAIN } else { PLASTIC };
-    let normal: f64 = rng.sample(StandardNormal);
-    let friction = (material.mean + material.deviation * normal).clamp(material.clip[0], material.clip[1]);
+    let friction = material.draw(rng);
     let yaw_rad = rng.random_range(0.0..TAU);
     let [x, y] = [(); 2].map(|()| rng.random_range(-OFFSET_M..=OFFSET_M));
     let instrument = Instrument {
@@ -81,7 +124,39 @@ pub(super) fn cell(built_in: BuiltIn, rng: &mut impl Rng) -> Result<Cell, Object
         * standing_at_spot(&object.mesh.transformed(&turn), TABLE_HEIGHT_M)
         * turn;
     let truth = Truth { object, base_from_object, table_height_m: Some(TABLE_HEIGHT_M) };
-    Ok(Cell { object: built_in, scale, yaw_rad, truth, instrument })
+    Ok(Cell { scale, yaw_rad, truth, instrument, planned_kg: PLANNED_MASS_KG })
+}
+
+fn file_cell(object: &Object, rng: &mut impl Rng) -> anyhow::Result<Cell> {
+    let friction = PLASTIC.draw(rng);
+    let yaw_rad = rng.random_range(0.0..TAU);
+    let [x, y] = [(); 2].map(|()| rng.random_range(-OFFSET_M..=OFFSET_M));
+    let instrument = Instrument {
+        stripe_noise_px: rng.random_range(STRIPE_NOISE_PX),
+        registration_m: REGISTRATION_M,
+        ..Instrument::default()
+    };
+    let body = ObjectBody::new(&object.mesh, object.convex_pieces(), Isometry3::identity(), object.mass_kg);
+    let mut rest = Err(RestError::Rolls);
+    for _ in 0..DROPS {
+        // A direction and an angle about it: uniform over all orientations as a normalised 4-vector of normals.
+        let q: [f64; 4] = [(); 4].map(|()| rng.sample(StandardNormal));
+        let turn = UnitQuaternion::from_quaternion(Quaternion::from(q));
+        rest = resting_pose(&body, turn, TABLE_FRICTION);
+        if rest.is_ok() {
+            break;
+        }
+    }
+    let rest = rest.with_context(|| format!("standing {} on the table", object.name))?;
+    let turn = Isometry3::rotation(Vector3::z() * yaw_rad) * rest;
+    let base_from_object = Translation3::new(x, y, 0.0)
+        * standing_at_spot(&object.mesh.transformed(&turn), TABLE_HEIGHT_M)
+        * turn;
+    let mut object = object.clone();
+    object.friction = friction;
+    let planned_kg = object.mass_kg;
+    let truth = Truth { object, base_from_object, table_height_m: Some(TABLE_HEIGHT_M) };
+    Ok(Cell { scale: 1.0, yaw_rad, truth, instrument, planned_kg })
 }
 
 #[cfg(test)]
@@ -93,7 +168,7 @@ mod tests {
     #[test]
     fn every_dimension_is_within_the_papers_and_every_object_on_the_table() {
         for (index, object) in BuiltIn::ALL.into_iter().cycle().take(200).enumerate() {
-            let cell = cell(object, &mut attempt_rng(3, index)).unwrap();
+            let cell = cell(&Specimen::BuiltIn(object), &mut attempt_rng(3, index)).unwrap();
             let Truth { object, base_from_object, .. } = &cell.truth;
             let (low, high) = object.mesh.bounding_box();
             assert!(
