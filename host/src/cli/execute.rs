@@ -1,4 +1,4 @@
-//! `prehend execute`: run a plan on the twin.
+//! `prehend execute`: run a plan on a simulated hand.
 
 use std::f64::consts::PI;
 use std::io::Write;
@@ -11,14 +11,17 @@ use nalgebra::Isometry3;
 use protocol::ids::{FingerId, JointId};
 use serde_json::{Value, json};
 
+use super::simulated::{self, LinkChoice, SimulatedHand};
 use super::{Outcome, input, write_json};
-use crate::exec::{Event, EventKind, Execution, ExecutionPlan, ExecutionSettings, Verdict, execute};
+use crate::exec::{
+    Event, EventKind, Execution, ExecutionError, ExecutionPlan, ExecutionSettings, Verdict, execute,
+};
 use crate::hand::{Hand, hit_dlr};
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
-use crate::link::ThumbLaw;
+use crate::link::{HandFault, ThumbLaw};
 use crate::object::{BuiltIn, Object};
 use crate::plan::document::{GraspInfo, PlanDocument, Pose, Posture, hand_angles, mesh_hash};
-use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin};
+use crate::twin::{Failure, Friction, ObjectBody, Scene};
 
 /// Largest plan document that is read, bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -35,14 +38,15 @@ const TABLE_FRICTION: f64 = 0.4;
 /// Execute a grasp of a plan: approach, close, squeeze, lift, hold
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6"
+    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --link qemu -o run.json\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6"
 )]
 pub struct ExecuteArgs {
     /// Plan to execute, as `prehend plan` writes it
     #[arg(value_name = "PLAN.json")]
     pub plan: PathBuf,
-    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws
-    #[arg(long, default_value = "twin", value_parser = link)]
+    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
+    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    #[arg(long, default_value = "twin", value_parser = simulated::link)]
     pub link: LinkChoice,
     /// Which grasp of the plan, 1 is the best
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
@@ -60,6 +64,10 @@ pub struct ExecuteArgs {
     /// Seed of the sensors' noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
+    /// Have something fail at this time of the execution, to see how it ends: power, the board's, or a finger, whose
+    /// strain gauges break; not on the twin
+    #[arg(long, value_name = "power|FINGER@SECONDS", value_parser = simulated::failure)]
+    pub fail: Option<(f64, Failure)>,
     /// Unit of the object's mesh file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
     pub unit: Unit,
@@ -69,20 +77,6 @@ pub struct ExecuteArgs {
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
-}
-
-/// What to execute on, `--link`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LinkChoice {
-    /// The simulated hand.
-    Twin,
-}
-
-fn link(text: &str) -> Result<LinkChoice, String> {
-    match text {
-        "twin" => Ok(LinkChoice::Twin),
-        _ => Err("give twin".to_owned()),
-    }
 }
 
 /// What stands in the cell, in truth.
@@ -103,9 +97,16 @@ pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         bail!("--grasp {}: the plan has {count}", args.grasp);
     };
     let truth = truth(args, &document)?;
-    let LinkChoice::Twin = args.link;
-    let execution = on_twin(&document, grasp, &truth, args.seed)
-        .with_context(|| format!("executing {}", args.plan.display()))?;
+    let hand = args.link.make_ready()?;
+    let execution = match execute_on(&hand, &document, grasp, &truth, args.seed, args.fail) {
+        Ok(execution) => execution,
+        Err(error) => {
+            if let (Some(execution), Some(path), false) = (so_far(&error), &args.output, to_stdout) {
+                write_record(path, execution)?;
+            }
+            return Err(error.context(format!("executing {}", args.plan.display())));
+        }
+    };
     match &args.output {
         Some(path) if !to_stdout => write_record(path, &execution)?,
         _ => {}
@@ -220,12 +221,33 @@ fn thumb_law(grasp: &GraspInfo) -> anyhow::Result<ThumbLaw> {
     Ok(if candidate.wraps { ThumbLaw::Position } else { ThumbLaw::Impedance })
 }
 
-/// Executes one grasp on the simulated hand.
-pub(super) fn on_twin(
+/// What had happened when an execution broke off.
+fn so_far(error: &anyhow::Error) -> Option<&Execution> {
+    match error.downcast_ref::<ExecutionError>() {
+        Some(ExecutionError::Link { so_far, .. }) => Some(so_far),
+        _ => None,
+    }
+}
+
+/// Executes one grasp on a simulated hand.
+pub(super) fn on_link(
+    hand: &SimulatedHand,
     document: &PlanDocument,
     grasp: &GraspInfo,
     truth: &Truth,
     seed: u64,
+) -> anyhow::Result<Execution> {
+    execute_on(hand, document, grasp, truth, seed, None)
+}
+
+/// The same with something that fails.
+fn execute_on(
+    simulated: &SimulatedHand,
+    document: &PlanDocument,
+    grasp: &GraspInfo,
+    truth: &Truth,
+    seed: u64,
+    failure: Option<(f64, Failure)>,
 ) -> anyhow::Result<Execution> {
     let plan = ExecutionPlan {
         approach_site: pose(grasp.approach_site, "approach_site")?,
@@ -257,9 +279,9 @@ pub(super) fn on_twin(
         friction: Friction { tip: object.friction, link: LINK_FRICTION, table: TABLE_FRICTION },
         gravity: crate::twin::plant::GRAVITY,
     };
-    let mut twin = Twin::new(&scene, SensorParameters::hit_dlr(), seed)
-        .with_context(|| format!("simulating {}", object.name))?;
-    Ok(execute(&hand, &plan, &ExecutionSettings::default(), &mut twin)?)
+    let mut link =
+        simulated.in_scene(&scene, seed, failure).with_context(|| format!("simulating {}", object.name))?;
+    Ok(execute(&hand, &plan, &ExecutionSettings::default(), link.as_mut())?)
 }
 
 /// Writes what happened and the trace to a file.
@@ -320,7 +342,21 @@ fn event_name(event: &Event) -> String {
         EventKind::ContactLost(finger) => of("contact-lost", finger),
         EventKind::UnexpectedContact(finger) => of("unexpected-contact", finger),
         EventKind::Slip(finger) => of("slip", finger),
+        EventKind::Fault(fault) => fault_text(&fault),
+        EventKind::LinkLost => "link-lost".to_owned(),
     }
+}
+
+/// A fault in words: `fault 36 (a sensor gave no number) ring`.
+fn fault_text(fault: &HandFault) -> String {
+    let mut text = format!("fault {}", fault.code.0);
+    if let Some(words) = fault.code.text() {
+        text = format!("{text} ({words})");
+    }
+    for finger in FingerId::ALL.into_iter().filter(|&finger| fault.fingers.contains(finger)) {
+        text = format!("{text} {}", finger.name());
+    }
+    text
 }
 
 /// How it went, in lines for people.

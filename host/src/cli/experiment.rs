@@ -13,6 +13,7 @@ use rayon::ThreadPoolBuilder;
 use super::plan::Strategy;
 use super::progress::bar;
 use super::scan::Sweeps;
+use super::simulated::{self, LinkChoice};
 use super::{Outcome, write_json};
 use trial::{Protocol, Trial};
 
@@ -23,7 +24,7 @@ mod trial;
 /// Repeat scan, reconstruction, plan and execution on objects of drawn size, place, mass and friction
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend experiment --trials 2\n  prehend experiment --trials 2 --seed 2 --strategy best --json"
+    after_help = "Examples:\n  prehend experiment --trials 2\n  prehend experiment --trials 2 --seed 2 --strategy best --json\n  prehend experiment --trials 5 --link qemu"
 )]
 pub struct ExperimentArgs {
     /// Trials to make; the objects take turns
@@ -38,6 +39,10 @@ pub struct ExperimentArgs {
     /// Seed of every random choice
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
+    /// The hand to run them on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
+    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    #[arg(long, default_value = "twin", value_parser = simulated::link)]
+    pub link: LinkChoice,
     /// Trials that run at a time, each on one core; by default as many as there are cores
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u32>,
@@ -49,7 +54,9 @@ pub struct ExperimentArgs {
 /// Runs the command.
 pub fn run(args: &ExperimentArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let clock = Instant::now();
-    let protocol = Protocol { strategy: args.strategy, sweeps: args.sweeps.settings(), seed: args.seed };
+    let hand = args.link.make_ready()?;
+    let protocol =
+        Protocol { strategy: args.strategy, sweeps: args.sweeps.settings(), seed: args.seed, hand };
     let threads = args
         .threads
         .map_or_else(|| std::thread::available_parallelism().map_or(1, NonZeroUsize::get), |n| n as usize);

@@ -3,6 +3,8 @@
 use nalgebra::Isometry3;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT};
 
+use crate::link::HandFault;
+
 /// How an execution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Verdict {
@@ -16,6 +18,10 @@ pub enum Verdict {
     NotLifted,
     /// It was pushed away before the fingers had closed.
     Disturbed,
+    /// The hand reported a fault: arm and fingers stayed where they were.
+    Faulted,
+    /// The link was lost; nobody knows what the hand does now.
+    LinkLost,
 }
 
 impl Verdict {
@@ -28,6 +34,8 @@ impl Verdict {
             Self::Dropped => "dropped",
             Self::NotLifted => "not-lifted",
             Self::Disturbed => "disturbed",
+            Self::Faulted => "faulted",
+            Self::LinkLost => "link-lost",
         }
     }
 }
@@ -68,6 +76,10 @@ pub enum EventKind {
     Slip(FingerId),
     /// A fingertip that was in contact feels nothing any more.
     ContactLost(FingerId),
+    /// The hand does not follow any more; arm and fingers are to stay where they are.
+    Fault(HandFault),
+    /// The link gave no answer.
+    LinkLost,
 }
 
 /// An event and its time.

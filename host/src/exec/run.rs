@@ -13,6 +13,9 @@ use super::plan::{ExecutionPlan, ExecutionSettings};
 use crate::link::{Command, Link, LinkError, Report, ThumbLaw, TrueObject};
 use crate::plan::profile::rest_to_rest;
 
+/// How long arm and hand stay where a fault met them before the execution ends.
+const STAY_S: f64 = 0.5;
+
 /// Why a plan was not executed to its end.
 #[derive(Debug, Error)]
 pub enum ExecutionError {
@@ -23,6 +26,8 @@ pub enum ExecutionError {
         time_s: f64,
         /// What failed.
         source: LinkError,
+        /// What had happened by then.
+        so_far: Box<Execution>,
     },
     /// A setting is not a positive number.
     #[error("setting {name} must be a positive number, not {value}")]
@@ -73,11 +78,14 @@ pub fn execute<L: Link + ?Sized>(
         let ticks = (run.duration_s(model, phase) / settings.period_s).ceil().max(1.0);
         for tick in 1..=ticks as u64 {
             let command = run.command(phase, tick as f64 * settings.period_s, ticks * settings.period_s);
-            let report = link
-                .step(&command, settings.period_s)
-                .map_err(|source| ExecutionError::Link { time_s: run.time_s(), source })?;
+            let report = link.step(&command, settings.period_s).map_err(|source| run.broken_off(source))?;
             run.tick += 1;
             run.take_in(phase, &command, &report, link.object());
+            if let Some(fault) = link.fault() {
+                run.event(EventKind::Fault(fault));
+                run.stay(phase, &command, link)?;
+                return Ok(run.ended(Verdict::Faulted, rise_m(at_start, link.object())));
+            }
             highest_m = highest_m.max(rise_m(at_start, link.object()).unwrap_or(f64::NEG_INFINITY));
             if phase == Phase::Prepare && is_prepared(plan, &report) {
                 break;
@@ -243,6 +251,42 @@ impl Run<'_> {
                 Phase::Squeeze | Phase::Lift | Phase::Hold => plan.thumb,
             },
             base_from_palm,
+        }
+    }
+
+    /// What a hand with a fault is commanded: to stay, and the arm too. Fingers whose drives are sound so go on to hold.
+    fn stay<L: Link + ?Sized>(
+        &mut self,
+        phase: Phase,
+        last: &Command,
+        link: &mut L,
+    ) -> Result<(), ExecutionError> {
+        let command = Command { velocity_rad_per_s: [0.0; JOINT_COUNT], ..*last };
+        for _ in 0..(STAY_S / self.settings.period_s).ceil() as u64 {
+            let report = link.step(&command, self.settings.period_s).map_err(|e| self.broken_off(e))?;
+            self.tick += 1;
+            self.take_in(phase, &command, &report, link.object());
+        }
+        Ok(())
+    }
+
+    /// The end without a link: nothing more can be commanded. A hand that hears nothing holds, then stops and keeps its
+    /// grip, by itself.
+    fn broken_off(&mut self, source: LinkError) -> ExecutionError {
+        self.event(EventKind::LinkLost);
+        let so_far = Box::new(self.ended(Verdict::LinkLost, None));
+        ExecutionError::Link { time_s: self.time_s(), source, so_far }
+    }
+
+    /// An end before the last phase, with what happened until now.
+    fn ended(&mut self, verdict: Verdict, lift_height_m: Option<f64>) -> Execution {
+        Execution {
+            verdict,
+            lift_height_m,
+            slip_m: None,
+            duration_s: self.time_s(),
+            events: core::mem::take(&mut self.events),
+            trace: core::mem::take(&mut self.trace),
         }
     }
 

@@ -9,7 +9,7 @@ fn timeless(mut document: Value) -> Value {
     fn strip(value: &mut Value) {
         match value {
             Value::Object(fields) => {
-                fields.retain(|name, _| name != "seconds" && name != "plan_s");
+                fields.retain(|name, _| !["seconds", "plan_s", "execute_s"].contains(&name.as_str()));
                 fields.values_mut().for_each(strip);
             }
             Value::Array(items) => items.iter_mut().for_each(strip),

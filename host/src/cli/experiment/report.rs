@@ -106,6 +106,16 @@ pub(super) fn describe(
             None => writeln!(out)?,
         }
     }
+    let executed_s: f64 = trials.iter().map(|trial| trial.executed_s).sum();
+    let execute_s: f64 = trials.iter().map(|trial| trial.execute_s).sum();
+    if execute_s > 0.0 {
+        writeln!(
+            out,
+            "executed on {}: {executed_s:.0} s of the hand's time, {:.1} x real time on one core",
+            args.link.name(),
+            executed_s / execute_s
+        )?;
+    }
     writeln!(out, "took {seconds:.1} s; strategy {}, seed {}", args.strategy.name(), args.seed)
 }
 
@@ -141,19 +151,22 @@ pub(super) fn document(trials: &[Trial], args: &ExperimentArgs, seconds: f64) ->
                 "plan_s": trial.plan_s,
                 "candidate": trial.grasp.as_ref().map(|grasp| &grasp.candidate),
                 "epsilon": trial.grasp.as_ref().map(|grasp| grasp.epsilon),
+                "executed_s": trial.executed_s,
+                "execute_s": trial.execute_s,
                 "verdict": trial.failure.map_or("held", |cause| cause.name()),
             })
         })
         .collect();
     json!({
-        "trials": all.trials,
-        "held": all.held,
-        "success_rate": all.success_rate(),
-        "failures": all.failures,
-        "seconds": seconds,
-        "strategy": args.strategy.name(),
-        "seed": args.seed,
-        "objects": objects,
-        "runs": runs,
-    })
+           "trials": all.trials,
+           "held": all.held,
+           "success_rate": all.success_rate(),
+           "failures": all.failures,
+           "seconds": seconds,
+           "strategy": args.strategy.name(),
+    "seed": args.seed,
+           "link": args.link.name(),
+           "objects": objects,
+           "runs": runs,
+       })
 }

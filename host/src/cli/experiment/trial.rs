@@ -6,10 +6,11 @@ use nalgebra::Point3;
 use rand::RngExt;
 
 use super::draw::{self, Cell};
-use crate::cli::execute::on_twin;
+use crate::cli::execute::on_link;
 use crate::cli::pipeline::{self, Search};
 use crate::cli::plan::Strategy;
 use crate::cli::scan;
+use crate::cli::simulated::SimulatedHand;
 use crate::exec::Verdict;
 use crate::object::{BuiltIn, DESIGN_FRICTION};
 use crate::plan::search::attempt_rng;
@@ -25,6 +26,7 @@ pub(super) struct Protocol {
     pub(super) strategy: Strategy,
     pub(super) sweeps: SweepSettings,
     pub(super) seed: u64,
+    pub(super) hand: SimulatedHand,
 }
 
 /// Why a trial did not end with a held object.
@@ -46,6 +48,10 @@ pub(super) enum Cause {
     Dropped,
     /// See [`Verdict::NotLifted`].
     NotLifted,
+    /// See [`Verdict::Faulted`].
+    Faulted,
+    /// See [`Verdict::LinkLost`].
+    LinkLost,
 }
 
 impl Cause {
@@ -60,6 +66,8 @@ impl Cause {
             Self::Slipped => Verdict::Slipped.name(),
             Self::Dropped => Verdict::Dropped.name(),
             Self::NotLifted => Verdict::NotLifted.name(),
+            Self::Faulted => Verdict::Faulted.name(),
+            Self::LinkLost => Verdict::LinkLost.name(),
         }
     }
 }
@@ -87,6 +95,9 @@ pub(super) struct Trial {
     pub(super) plan_s: f64,
     /// The grasp, if one was found.
     pub(super) grasp: Option<Tried>,
+    /// Its execution, in the hand's time, and by the wall clock.
+    pub(super) executed_s: f64,
+    pub(super) execute_s: f64,
     /// Why it failed; `None` when the object was held.
     pub(super) failure: Option<Cause>,
 }
@@ -110,6 +121,8 @@ pub(super) fn run(protocol: &Protocol, index: usize) -> anyhow::Result<Trial> {
         scan_s: scan.duration_s,
         plan_s: 0.0,
         grasp: None,
+        executed_s: 0.0,
+        execute_s: 0.0,
         failure: None,
     };
     let clock = Instant::now();
@@ -137,12 +150,17 @@ pub(super) fn run(protocol: &Protocol, index: usize) -> anyhow::Result<Trial> {
         return Ok(trial);
     };
     trial.grasp = Some(Tried { candidate: best.candidate.clone(), epsilon: best.quality.epsilon });
-    trial.failure = match on_twin(&document, best, &truth, sensor_seed)?.verdict {
+    let clock = Instant::now();
+    let execution = on_link(&protocol.hand, &document, best, &truth, sensor_seed)?;
+    (trial.executed_s, trial.execute_s) = (execution.duration_s, clock.elapsed().as_secs_f64());
+    trial.failure = match execution.verdict {
         Verdict::Held => None,
         Verdict::Slipped => Some(Cause::Slipped),
         Verdict::Dropped => Some(Cause::Dropped),
         Verdict::NotLifted => Some(Cause::NotLifted),
         Verdict::Disturbed => Some(Cause::Disturbed),
+        Verdict::Faulted => Some(Cause::Faulted),
+        Verdict::LinkLost => Some(Cause::LinkLost),
     };
     Ok(trial)
 }

@@ -35,7 +35,7 @@ pub enum LockstepError {
         source: io::Error,
     },
     /// The image gave no answer.
-    #[error("the image gave no answer; the emulator {}, and it said: {stderr}", ended(*.status))]
+    #[error("the image gave no answer; the emulator {}{}", ended(*.status), said(.stderr))]
     Silent {
         /// How the emulator ended, if it did.
         status: Option<ExitStatus>,
@@ -57,6 +57,10 @@ pub struct Lockstep {
 
 fn ended(status: Option<ExitStatus>) -> String {
     status.map_or_else(|| "runs".to_owned(), |status| format!("ended with {status}"))
+}
+
+fn said(stderr: &str) -> String {
+    if stderr.is_empty() { String::new() } else { format!(", and it said: {stderr}") }
 }
 
 fn failed(what: &'static str) -> impl FnOnce(io::Error) -> LockstepError {
@@ -143,6 +147,12 @@ impl Lockstep {
                 }
             }
         }
+    }
+
+    /// Ends the emulator at once, as a crash or the loss of its power would; the next period gives no answer.
+    pub fn kill(&mut self) {
+        // Fails only when it has ended already.
+        let _ = self.running.0.kill();
     }
 
     fn silent(&mut self, status: Option<ExitStatus>) -> LockstepError {
