@@ -48,6 +48,14 @@ impl Default for InProcess {
     }
 }
 
+#[cfg(test)]
+impl InProcess {
+    /// The controller, while it has power.
+    pub(super) fn controller(&self) -> Option<&Controller> {
+        self.0.as_deref()
+    }
+}
+
 impl Board for InProcess {
     fn tick(&mut self, frame: &ToBoard) -> Result<FromBoard, LinkError> {
         let controller = self.0.as_mut().ok_or_else(|| LinkError::Lost(Box::new(Dead)))?;

@@ -327,3 +327,6 @@ impl<B: Board> Link for OnBus<B> {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("the hand does not answer")]
 struct Silent;
+
+#[cfg(test)]
+mod tests;

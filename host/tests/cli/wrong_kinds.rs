@@ -99,13 +99,13 @@ const SHAPES: &[Shape] = &[
         outputs: &["new.json"],
         amounts: &["--friction", "--mass"],
         counts: &["--grasp", "--seed"],
-        choices: &["--link", "--unit"],
+        choices: &["--link", "--fail", "--unit"],
     },
     Shape {
         command: "experiment",
         words: "--strategy paper",
         counts: &["--trials", "--seed", "--threads"],
-        choices: &["--sweeps"],
+        choices: &["--link", "--sweeps"],
         ..NONE
     },
     Shape {

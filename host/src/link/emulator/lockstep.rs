@@ -105,7 +105,9 @@ impl Lockstep {
             .command()
             .current_dir(folder.path())
             .spawn()
-            .map_err(failed("starting qemu-system-arm"))?;
+            .map_err(failed(
+                "starting qemu-system-arm (on Debian and Ubuntu: apt-get install qemu-system-arm)",
+            ))?;
         let stderr = drain(child.stderr.take());
         // The emulator blocks if nobody reads what it prints.
         drop(drain(child.stdout.take()));
@@ -159,7 +161,9 @@ impl Lockstep {
         // Ends the emulator, so that its complaints end too.
         let _ = self.running.0.kill();
         let stderr = self.stderr.recv_timeout(TIMEOUT).ok().and_then(Result::ok).unwrap_or_default();
-        LockstepError::Silent { status, stderr: stderr.trim().to_owned() }
+        // An emulator that gives up prints all its registers below what happened.
+        let first = stderr.trim().lines().next().unwrap_or_default();
+        LockstepError::Silent { status, stderr: first.to_owned() }
     }
 
     /// Closes the pipe, at which the image ends by itself.
