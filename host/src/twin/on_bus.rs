@@ -139,14 +139,11 @@ impl<B: Board> OnBus<B> {
     }
 
     fn make_ready(&mut self) -> Result<(), StartError> {
-        let parameters = match self.ask(Call::Hello, |answer| match answer {
+        let parameters = self.ask(Call::Hello, |answer| match answer {
             Answer::Hello(hello) => Some(hello.parameters),
             _ => None,
-        })? {
-            Some(count) => count,
-            None => 0,
-        };
-        self.switch_own_reflex_off(parameters)?;
+        })?;
+        self.switch_own_reflex_off(parameters.unwrap_or_default())?;
         let position = self.cell.read().position_rad;
         for word in [ControlWord::FAULT_RESET, ControlWord::SHUTDOWN, ControlWord::SWITCH_ON] {
             let setpoint = self.setpoint(word, &position, &[0.0; JOINT_COUNT], ThumbLaw::Position)?;
