@@ -65,7 +65,7 @@ pub enum StartError {
 pub enum Failure {
     /// The board loses its power.
     Power,
-    /// A finger's strain gauge at the middle joint gives no number any more.
+    /// A finger's strain gauges give no number any more.
     StrainGauge(FingerId),
 }
 

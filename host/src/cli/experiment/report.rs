@@ -158,15 +158,15 @@ pub(super) fn document(trials: &[Trial], args: &ExperimentArgs, seconds: f64) ->
         })
         .collect();
     json!({
-           "trials": all.trials,
-           "held": all.held,
-           "success_rate": all.success_rate(),
-           "failures": all.failures,
-           "seconds": seconds,
-           "strategy": args.strategy.name(),
-    "seed": args.seed,
-           "link": args.link.name(),
-           "objects": objects,
-           "runs": runs,
-       })
+        "trials": all.trials,
+        "held": all.held,
+        "success_rate": all.success_rate(),
+        "failures": all.failures,
+        "seconds": seconds,
+        "strategy": args.strategy.name(),
+        "seed": args.seed,
+        "link": args.link.name(),
+        "objects": objects,
+        "runs": runs,
+    })
 }
