@@ -9,6 +9,7 @@
 //! `tick` has one length whatever the bus brings; all that may take longer is in `report`, `serve` and `transmit`. Where
 //! those come late, several set-points are answered by one state, the last.
 
+mod bench;
 mod report;
 mod service;
 

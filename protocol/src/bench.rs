@@ -106,6 +106,8 @@ impl ToBoard {
 pub struct FromBoard {
     /// Joint torques.
     pub torque_nm: [f32; JOINT_COUNT],
+    /// Where the thumb's rotation is to go; counts while the thumb has torque.
+    pub thumb_rotation_rad: f32,
     /// Fingers with torque, one bit each.
     pub enabled: u8,
     /// Whether the watchdog was fed.
@@ -116,12 +118,13 @@ pub struct FromBoard {
 
 impl FromBoard {
     /// Bytes of the frame.
-    pub const LEN: usize = <[f32; JOINT_COUNT]>::LEN + u8::LEN + u8::LEN + BusBytes::LEN;
+    pub const LEN: usize = <[f32; JOINT_COUNT]>::LEN + f32::LEN + u8::LEN + u8::LEN + BusBytes::LEN;
 
     /// Writes the frame.
     pub fn encode(&self, bytes: &mut [u8; Self::LEN]) {
         let mut out = Writer(bytes);
         self.torque_nm.put(&mut out);
+        self.thumb_rotation_rad.put(&mut out);
         self.enabled.put(&mut out);
         u8::from(self.watchdog_fed).put(&mut out);
         self.bus.put(&mut out);
@@ -134,6 +137,7 @@ impl FromBoard {
         let mut input = Reader(bytes);
         Self {
             torque_nm: Field::get(&mut input),
+            thumb_rotation_rad: Field::get(&mut input),
             enabled: Field::get(&mut input),
             watchdog_fed: <u8 as Field>::get(&mut input) != 0,
             bus: BusBytes::get(&mut input),
@@ -161,6 +165,7 @@ mod tests {
         assert_eq!(ToBoard::decode(&bytes), to);
         let from = FromBoard {
             torque_nm: core::array::from_fn(|i| i as f32),
+            thumb_rotation_rad: 0.25,
             enabled: 5,
             watchdog_fed: true,
             bus: BusBytes::filled(|room| {

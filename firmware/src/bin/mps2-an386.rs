@@ -13,11 +13,9 @@ use firmware::app::{Controller, Identity};
 use firmware::board::mps2_an386::{
     Bench, Console, FileFlash, InstructionCounter, StackPaint, exit, started_with,
 };
-use firmware::control::Sensors;
 use firmware::figures;
 use firmware::selfcheck::kinematics_digest;
 use firmware::storage::Storage;
-use protocol::bench::{BusBytes, FromBoard};
 
 /// Seed of the poses; the host computes the digest with the same.
 const SEED: u32 = 1;
@@ -61,23 +59,7 @@ fn control(controller: &mut Controller) -> ! {
     }
     let mut bench = Bench::open();
     while let Some(frame) = bench.read() {
-        controller.receive(frame.bus.as_slice());
-        let sensors = Sensors {
-            position_rad: frame.position_rad,
-            joint_torque_nm: frame.joint_torque_nm,
-            tip_wrench: frame.tip_wrench,
-        };
-        let output = controller.tick(frame.now_us, &sensors);
-        controller.serve();
-        if let Some(parameters) = controller.take_save() {
-            controller.saved(storage.save(&parameters).is_ok());
-        }
-        let answer = FromBoard {
-            torque_nm: output.torque_nm,
-            enabled: output.enabled.iter().rev().fold(0, |bits, &on| bits << 1 | u8::from(on)),
-            watchdog_fed: output.feed_watchdog,
-            bus: BusBytes::filled(|room| controller.transmit(room)),
-        };
+        let answer = controller.bench_period(&frame, |parameters| storage.save(parameters).is_ok());
         if bench.write(&answer).is_err() {
             break;
         }

@@ -8,13 +8,14 @@ use anyhow::Context;
 use clap::Args;
 use serde_json::json;
 
-use super::execute::{LinkChoice, RunSettings, Truth, on_twin, write_record};
+use super::execute::{RunSettings, Truth, on_link, write_record};
 use super::input::{self, TABLE_HEIGHT_M};
 use super::pipeline::{self, Search};
 use super::plan::Strategy;
 use super::planning::Planned;
 use super::progress::{bar, spinner};
 use super::scan::Sweeps;
+use super::simulated::{self, LinkChoice, SimulatedHand};
 use super::{
     Outcome, execute, reconstruct as reconstruct_command, scan as scan_command, write_json, write_json_file,
 };
@@ -43,8 +44,9 @@ pub struct DemoArgs {
     /// Object on the table: teacup-cover, cube, cylinder, mouse, disk, or a mesh file (stood upright in its own z)
     #[arg(long, value_name = "NAME|FILE", default_value = "teacup-cover")]
     pub object: String,
-    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws
-    #[arg(long, default_value = "twin", value_parser = twin)]
+    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
+    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    #[arg(long, default_value = "twin", value_parser = simulated::link)]
     pub link: LinkChoice,
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out")]
@@ -72,18 +74,12 @@ pub struct DemoArgs {
     pub json: bool,
 }
 
-fn twin(text: &str) -> Result<LinkChoice, String> {
-    match text {
-        "twin" => Ok(LinkChoice::Twin),
-        _ => Err("give twin".to_owned()),
-    }
-}
-
 /// Runs the command.
 pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let mut report: Box<dyn Write + '_> =
         if args.json { Box::new(std::io::sink()) } else { Box::new(&mut *out) };
     let object = input::object(&args.object, args.unit, args.mass, args.friction)?;
+    let hand = args.link.make_ready()?;
     input::make_folder(&args.out)?;
     let (_, base_from_object) = scan_command::placed(&object);
     writeln!(report, "object: {}, {:.0} g, friction {}", object.name, object.mass_kg * 1e3, object.friction)?;
@@ -91,7 +87,7 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     let mut times = Times::default();
     let mut redone = 0;
     let last = loop {
-        let made = once(args, &truth, args.seed.wrapping_add(redone), &mut times, &mut report)?;
+        let made = once(args, &hand, &truth, args.seed.wrapping_add(redone), &mut times, &mut report)?;
         let Some(execution) = &made.execution else { break made };
         truth.base_from_object = execution.base_from_object.unwrap_or(truth.base_from_object);
         // The paper begins again when the fingertips slip; so does every failure here that the hand feels.
@@ -155,6 +151,7 @@ struct Times {
 
 fn once(
     args: &DemoArgs,
+    hand: &SimulatedHand,
     truth: &Truth,
     seed: u64,
     times: &mut Times,
@@ -209,7 +206,7 @@ fn once(
         Some(best) => {
             draw(&scene, &planned, &file("grasp.png"))?;
             let waiting = spinner("execute");
-            let execution = on_twin(document, best, truth, seed, &RunSettings::default())?;
+            let execution = on_link(hand, document, best, truth, seed, &RunSettings::default())?;
             waiting.finish_and_clear();
             write_record(&file("run.json"), &execution)?;
             write!(report, "4 execute      ")?;

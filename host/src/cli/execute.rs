@@ -1,4 +1,4 @@
-//! `prehend execute`: run a plan on the twin.
+//! `prehend execute`: run a plan on a simulated hand.
 
 use std::f64::consts::PI;
 use std::io::Write;
@@ -11,15 +11,16 @@ use nalgebra::{Isometry3, Translation3};
 use protocol::ids::JointId;
 use serde_json::{Value, json};
 
+use super::simulated::{self, LinkChoice, SimulatedHand};
 use super::{Outcome, input, write_json};
-use crate::exec::{Event, Execution, ExecutionPlan, ExecutionSettings, Trouble, Verdict, execute};
+use crate::exec::{Execution, ExecutionError, ExecutionPlan, ExecutionSettings, Trouble, Verdict, execute};
 use crate::hand::{Hand, hit_dlr};
 use crate::io::{Geometry, Unit, read_geometry, write_atomically};
 use crate::link::ThumbLaw;
 use crate::object::{BuiltIn, Object};
 use crate::plan::document::{GraspInfo, PlanDocument, Pose, Posture, hand_angles, mesh_hash};
 use crate::record::{RecordedScene, write_recording};
-use crate::twin::{Friction, ObjectBody, Scene, SensorParameters, Twin, TwinSettings};
+use crate::twin::{Failure, Friction, ObjectBody, Scene, TwinSettings};
 
 /// Largest plan document that is read, bytes.
 const MAX_BYTES: u64 = 1 << 30;
@@ -36,14 +37,15 @@ pub(super) const TABLE_FRICTION: f64 = 0.4;
 /// Execute a grasp of a plan: approach, close, lift, hold, shake, put down
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6\n  prehend execute plan.json --offset 0.02,0,0 --record run.mcap"
+    after_help = "Examples:\n  prehend execute plan.json --link twin\n  prehend execute plan.json --link qemu -o run.json\n  prehend execute plan.json --object teacup-cover --grasp 2 --friction 0.6\n  prehend execute plan.json --offset 0.02,0,0 --record run.mcap"
 )]
 pub struct ExecuteArgs {
     /// Plan to execute, as `prehend plan` writes it
     #[arg(value_name = "PLAN.json")]
     pub plan: PathBuf,
-    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws
-    #[arg(long, default_value = "twin", value_parser = link)]
+    /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
+    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    #[arg(long, default_value = "twin", value_parser = simulated::link)]
     pub link: LinkChoice,
     /// Which grasp of the plan, 1 is the best
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
@@ -64,6 +66,10 @@ pub struct ExecuteArgs {
     /// Seed of the sensors' noise
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
+    /// Have something fail at this time of the execution, to see how it ends: power, the board's, or a finger, whose
+    /// strain gauges break; not on the twin
+    #[arg(long, value_name = "power|FINGER@SECONDS", value_parser = simulated::failure)]
+    pub fail: Option<(f64, Failure)>,
     /// Unit of the object's mesh file: m or mm
     #[arg(long, default_value = "m", value_parser = input::unit)]
     pub unit: Unit,
@@ -76,20 +82,6 @@ pub struct ExecuteArgs {
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
-}
-
-/// What to execute on, `--link`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum LinkChoice {
-    /// The simulated hand.
-    Twin,
-}
-
-fn link(text: &str) -> Result<LinkChoice, String> {
-    match text {
-        "twin" => Ok(LinkChoice::Twin),
-        _ => Err("give twin".to_owned()),
-    }
 }
 
 /// What stands in the cell, in truth.
@@ -110,9 +102,22 @@ pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         bail!("--grasp {}: the plan has {count}", args.grasp);
     };
     let truth = truth(args, &document)?;
-    let LinkChoice::Twin = args.link;
-    let execution = on_twin(&document, grasp, &truth, args.seed, &RunSettings::default())
-        .with_context(|| format!("executing {}", args.plan.display()))?;
+    let hand = args.link.make_ready()?;
+    let run = RunSettings { failure: args.fail, ..RunSettings::default() };
+    let execution = match on_link(&hand, &document, grasp, &truth, args.seed, &run) {
+        Ok(execution) => execution,
+        Err(error) => {
+            if let Some(execution) = so_far(&error) {
+                if let (Some(path), false) = (&args.output, to_stdout) {
+                    write_record(path, execution)?;
+                }
+                if let Some(path) = &args.record {
+                    record_run(path, &truth, execution)?;
+                }
+            }
+            return Err(error.context(format!("executing {}", args.plan.display())));
+        }
+    };
     if let Some(path) = &args.record {
         record_run(path, &truth, &execution)?;
     }
@@ -231,15 +236,26 @@ fn thumb_law(grasp: &GraspInfo) -> anyhow::Result<ThumbLaw> {
     Ok(if candidate.wraps { ThumbLaw::Position } else { ThumbLaw::Impedance })
 }
 
+/// What had happened when an execution broke off.
+fn so_far(error: &anyhow::Error) -> Option<&Execution> {
+    match error.downcast_ref::<ExecutionError>() {
+        Some(ExecutionError::Link { so_far, .. }) => Some(so_far),
+        _ => None,
+    }
+}
+
 /// How to execute, and on what simulated hand.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct RunSettings {
     pub(super) execution: ExecutionSettings,
     pub(super) twin: TwinSettings,
+    /// What fails, and when, s.
+    pub(super) failure: Option<(f64, Failure)>,
 }
 
-/// Executes one grasp on the simulated hand.
-pub(super) fn on_twin(
+/// Executes one grasp on a simulated hand.
+pub(super) fn on_link(
+    simulated: &SimulatedHand,
     document: &PlanDocument,
     grasp: &GraspInfo,
     truth: &Truth,
@@ -276,9 +292,9 @@ pub(super) fn on_twin(
         friction: Friction { tip: object.friction, link: LINK_FRICTION, table: TABLE_FRICTION },
         gravity: crate::twin::plant::GRAVITY,
     };
-    let mut twin = Twin::with_settings(&scene, SensorParameters::hit_dlr(), seed, &settings.twin)
-        .with_context(|| format!("simulating {}", object.name))?;
-    Ok(execute(&hand, &plan, &settings.execution, &mut twin)?)
+    let mut link =
+        simulated.in_scene(&scene, seed, settings).with_context(|| format!("simulating {}", object.name))?;
+    Ok(execute(&hand, &plan, &settings.execution, link.as_mut())?)
 }
 
 /// Writes the recording of a run for viewers.
@@ -343,20 +359,15 @@ fn summary(execution: &Execution) -> Value {
         "duration_s": execution.duration_s,
         "events": execution.events.iter().map(|event| json!({
             "time_s": event.time_s,
-            "event": event_name(event),
+            "event": event.kind.to_string(),
         })).collect::<Vec<_>>(),
     })
-}
-
-/// The event in words: `lift`, `contact index`, `slip thumb`.
-fn event_name(event: &Event) -> String {
-    event.kind.to_string()
 }
 
 /// How it went, in lines for people.
 pub(super) fn describe(execution: &Execution, out: &mut dyn Write) -> std::io::Result<()> {
     let events: Vec<String> =
-        execution.events.iter().map(|e| format!("{:.2} s {}", e.time_s, event_name(e))).collect();
+        execution.events.iter().map(|e| format!("{:.2} s {}", e.time_s, e.kind)).collect();
     writeln!(out, "executed {:.1} s: {}", execution.duration_s, events.join(", "))?;
     if let Some(lift_m) = execution.lift_height_m {
         write!(out, "the object rose {:.1} mm", lift_m * 1e3)?;

@@ -17,6 +17,7 @@ use super::input;
 use super::plan::Strategy;
 use super::progress::bar;
 use super::scan::Sweeps;
+use super::simulated::{self, LinkChoice};
 use super::{Outcome, write_json};
 use crate::exec::Closing;
 use crate::io::Unit;
@@ -35,7 +36,7 @@ const APART_RAD_PER_S: f64 = 1.0;
 /// Repeat scan, reconstruction, plan and execution on objects of drawn size, place, mass and friction
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend experiment --trials 2\n  prehend experiment --trials 2 --seed 2 --strategy best --json\n  prehend experiment --trials 20 --object can.obj=0.349 --object banana.obj=0.066"
+    after_help = "Examples:\n  prehend experiment --trials 2\n  prehend experiment --trials 2 --seed 2 --strategy best --json\n  prehend experiment --trials 5 --link qemu\n  prehend experiment --trials 20 --object can.obj=0.349 --object banana.obj=0.066"
 )]
 pub struct ExperimentArgs {
     /// Trials to make; the objects take turns
@@ -75,6 +76,10 @@ pub struct ExperimentArgs {
     /// Seed of every random choice
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
+    /// The hand to run them on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
+    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    #[arg(long, default_value = "twin", value_parser = simulated::link)]
+    pub link: LinkChoice,
     /// Trials that run at a time, each on one core; by default as many as there are cores
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u32>,
@@ -106,6 +111,10 @@ fn protocol(args: &ExperimentArgs) -> anyhow::Result<Protocol> {
     } else {
         args.object.iter().map(|text| specimen(text, args.unit)).collect::<Result<Vec<_>, _>>()?
     };
+    ensure!(
+        args.link == LinkChoice::Twin || args.thumb_stiffness.is_none() && args.plant_steps == 2,
+        "--thumb-stiffness and --plant-steps change the twin; give --link twin"
+    );
     let mut run = RunSettings::default();
     run.twin.steps_per_tick = args.plant_steps;
     run.twin.thumb_stiffness_n_per_m = args.thumb_stiffness;
@@ -113,6 +122,7 @@ fn protocol(args: &ExperimentArgs) -> anyhow::Result<Protocol> {
     if args.no_arrive_together {
         run.execution.closing = Closing::EachAtSpeed(APART_RAD_PER_S);
     }
+    let hand = args.link.make_ready()?;
     if let Some(folder) = &args.record {
         input::make_folder(folder)?;
     }
@@ -123,6 +133,8 @@ fn protocol(args: &ExperimentArgs) -> anyhow::Result<Protocol> {
         specimens,
         redo: args.redo,
         run,
+        link: args.link.clone(),
+        hand,
         record: args.record.clone(),
     })
 }

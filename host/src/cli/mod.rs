@@ -37,6 +37,7 @@ pub mod quality;
 pub mod reconstruct;
 pub mod scan;
 mod scan_images;
+mod simulated;
 
 /// How a command that ran ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use nalgebra::Isometry3;
 use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT};
 
 use super::phase::Phase;
-use crate::link::TipWrench;
+use crate::link::{HandFault, TipWrench};
 
 /// How an execution ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,6 +33,10 @@ pub enum Verdict {
     Misplaced,
     /// Put down, but it came away with the open hand.
     NotReleased,
+    /// The hand reported a fault: arm and fingers stayed where they were.
+    Faulted,
+    /// The link was lost; nobody knows what the hand does now.
+    LinkLost,
 }
 
 impl Verdict {
@@ -51,6 +55,8 @@ impl Verdict {
             Self::SlipNotStopped => "slip-not-stopped",
             Self::Misplaced => "misplaced",
             Self::NotReleased => "not-released",
+            Self::Faulted => "faulted",
+            Self::LinkLost => "link-lost",
         }
     }
 }
@@ -70,6 +76,10 @@ pub enum EventKind {
     ContactLost(FingerId),
     /// The course is left.
     Trouble(Trouble),
+    /// The hand does not follow any more; arm and fingers are to stay where they are.
+    Fault(HandFault),
+    /// The link gave no answer.
+    LinkLost,
 }
 
 impl fmt::Display for EventKind {
@@ -78,6 +88,8 @@ impl fmt::Display for EventKind {
         let (what, finger) = match self {
             Self::Phase(phase) => return f.write_str(phase.name()),
             Self::Trouble(trouble) => return f.write_str(trouble.name()),
+            Self::Fault(fault) => return write!(f, "{fault}"),
+            Self::LinkLost => return f.write_str("link-lost"),
             Self::Contact(finger) => ("contact", finger),
             Self::ContactLost(finger) => ("contact-lost", finger),
             Self::UnexpectedContact(finger) => ("unexpected-contact", finger),

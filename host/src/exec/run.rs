@@ -8,7 +8,7 @@ use thiserror::Error;
 use super::judge::{Course as Judged, Sight};
 use super::monitor::{Monitor, MonitorConfig, Touch};
 use super::motion::{Course, Start};
-use super::outcome::{Event, EventKind, Execution, TraceSample, Trouble};
+use super::outcome::{Event, EventKind, Execution, TraceSample, Trouble, Verdict};
 use super::phase::Phase;
 use super::plan::{Closing, ExecutionPlan, ExecutionSettings};
 use crate::link::{Command, Link, LinkError, Report, TrueObject};
@@ -16,6 +16,9 @@ use crate::link::{Command, Link, LinkError, Report, TrueObject};
 /// Change of a joint's torque from which its finger counts as loaded where its tip feels nothing: a link touches, as in a
 /// power grasp. Twice what the weight of a stretched finger changes.
 const LOADED_NM: f64 = 0.1;
+
+/// How long arm and hand stay where a fault met them before the execution ends.
+const STAY_S: f64 = 0.5;
 
 /// Why a plan was not executed to its end.
 #[derive(Debug, Error)]
@@ -27,6 +30,8 @@ pub enum ExecutionError {
         time_s: f64,
         /// What failed.
         source: LinkError,
+        /// What had happened by then.
+        so_far: Box<Execution>,
     },
     /// A setting is not a positive number.
     #[error("setting {name} must be a positive number, not {value}")]
@@ -41,7 +46,7 @@ pub enum ExecutionError {
 /// Drives `link` through `plan`.
 ///
 /// # Errors
-/// [`ExecutionError`]; a grasp that fails is not an error but a [`Verdict`](super::Verdict).
+/// [`ExecutionError`]; a grasp that fails is not an error but a [`Verdict`].
 pub fn execute<L: Link + ?Sized>(
     model: &HandModel<f64>,
     plan: &ExecutionPlan,
@@ -57,10 +62,13 @@ pub fn execute<L: Link + ?Sized>(
         for tick in 1..=ticks as u64 {
             let times = [tick as f64, ticks].map(|ticks| ticks * settings.period_s);
             let command = run.course.command(phase, &run.start, run.trouble(), times, run.grip);
-            let report = link
-                .step(&command, settings.period_s)
-                .map_err(|source| ExecutionError::Link { time_s: run.time_s(), source })?;
+            let report = link.step(&command, settings.period_s).map_err(|source| run.broken_off(source))?;
             run.take_in(phase, &command, &report, link.object());
+            if let Some(fault) = link.fault() {
+                run.event(EventKind::Fault(fault));
+                run.stay(phase, &command, link)?;
+                return Ok(run.ended(Verdict::Faulted, link.object()));
+            }
             if phase == Phase::Prepare && is_prepared(plan, &report) {
                 break;
             }
@@ -213,6 +221,34 @@ impl<'a> Run<'a> {
         (0..FINGER_COUNT).filter(|&f| are(self, f)).count()
     }
 
+    /// What a hand with a fault is commanded: to stay, and the arm too. Fingers whose drives are sound so go on to hold.
+    fn stay<L: Link + ?Sized>(
+        &mut self,
+        phase: Phase,
+        last: &Command,
+        link: &mut L,
+    ) -> Result<(), ExecutionError> {
+        let command = Command { velocity_rad_per_s: [0.0; JOINT_COUNT], ..*last };
+        for _ in 0..(STAY_S / self.settings().period_s).ceil() as u64 {
+            let report = link.step(&command, self.settings().period_s).map_err(|e| self.broken_off(e))?;
+            self.take_in(phase, &command, &report, link.object());
+        }
+        Ok(())
+    }
+
+    /// The end without a link: nothing more can be commanded. A hand that hears nothing holds, then stops and keeps its
+    /// grip, by itself.
+    fn broken_off(&mut self, source: LinkError) -> ExecutionError {
+        self.event(EventKind::LinkLost);
+        let so_far = Box::new(self.ended(Verdict::LinkLost, None));
+        ExecutionError::Link { time_s: self.time_s(), source, so_far }
+    }
+
+    /// An end before the last phase, with what happened until now.
+    fn ended(&mut self, verdict: Verdict, object: Option<TrueObject>) -> Execution {
+        Execution { verdict, felt: verdict, ..self.end(object) }
+    }
+
     /// Judges the sensors, tells of changes, tightens a slipping grip.
     fn take_in(&mut self, phase: Phase, command: &Command, report: &Report, object: Option<TrueObject>) {
         self.tick += 1;
@@ -321,10 +357,10 @@ impl<'a> Run<'a> {
         phase.next(self.trouble())
     }
 
-    fn end(mut self, object: Option<TrueObject>) -> Execution {
+    fn end(&mut self, object: Option<TrueObject>) -> Execution {
         self.judged.at_end = self.sight(object);
         self.judged.touching_at_end = self.touched.iter().filter(|&&touches| touches).count();
-        let judged = &self.judged;
+        let judged = self.judged;
         Execution {
             verdict: judged.verdict(self.course.settings),
             felt: judged.felt(),
@@ -336,8 +372,8 @@ impl<'a> Run<'a> {
             grip_max: self.grip,
             base_from_object: object.map(|object| object.base_from_object),
             duration_s: self.time_s(),
-            events: self.events,
-            trace: self.trace,
+            events: core::mem::take(&mut self.events),
+            trace: core::mem::take(&mut self.trace),
         }
     }
 }

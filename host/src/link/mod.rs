@@ -7,8 +7,12 @@ pub mod emulator;
 pub mod host_end;
 pub mod port;
 
+use core::fmt;
+
 use nalgebra::{Isometry3, Point3, Vector3};
-use protocol::ids::{FINGER_COUNT, JOINT_COUNT};
+use protocol::fault::Code;
+use protocol::ids::{FINGER_COUNT, FingerId, JOINT_COUNT};
+use protocol::telemetry::FingerSet;
 use thiserror::Error;
 
 /// Why a link gave no report.
@@ -20,6 +24,9 @@ pub enum LinkError {
         /// The step asked for.
         dt_s: f64,
     },
+    /// A command that cannot be sent.
+    #[error("an angle or a torque of the command is not a number")]
+    NotANumber,
     /// The other end is gone or does not answer.
     #[error("the link to the hand is lost")]
     Lost(#[source] Box<dyn core::error::Error + Send + Sync>),
@@ -58,6 +65,36 @@ pub struct TipWrench {
     pub moment: Vector3<f64>,
 }
 
+impl TipWrench {
+    /// Force, then moment.
+    #[must_use]
+    pub fn to_array(&self) -> [f64; 6] {
+        let (f, m) = (self.force, self.moment);
+        [f.x, f.y, f.z, m.x, m.y, m.z]
+    }
+}
+
+/// What keeps a hand from following commands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HandFault {
+    /// Why, by its number on the bus.
+    pub code: Code,
+    /// Fingers that do not follow.
+    pub fingers: FingerSet,
+}
+
+impl fmt::Display for HandFault {
+    /// As in reports: `fault 36 (a sensor gave no number) ring`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "fault {}", self.code.0)?;
+        if let Some(words) = self.code.text() {
+            write!(f, " ({words})")?;
+        }
+        let fingers = FingerId::ALL.into_iter().filter(|&finger| self.fingers.contains(finger));
+        fingers.into_iter().try_for_each(|finger| write!(f, " {}", finger.name()))
+    }
+}
+
 /// What the hand's sensors say. Joints are in the order of `JointId`, fingers in that of `FingerId`.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Report {
@@ -88,6 +125,12 @@ pub trait Link {
     /// # Errors
     /// [`LinkError`], after which the hand's state is not known.
     fn step(&mut self, command: &Command, dt_s: f64) -> Result<Report, LinkError>;
+
+    /// What keeps the hand from following the commands it is given, if anything does. A finger whose drive has failed is
+    /// without torque; the others hold.
+    fn fault(&self) -> Option<HandFault> {
+        None
+    }
 
     /// Where the object really is; `None` where nobody knows, as with a real hand.
     fn object(&self) -> Option<TrueObject> {

@@ -1,17 +1,12 @@
 //! The production control laws in this process, on the plant's sensors: the link that needs no hardware.
 
 use firmware::control::{self, Config, State, Target, ThumbMode};
-use nalgebra::Point3;
 use protocol::ids::JOINT_COUNT;
 
-use super::plant::{Drive, Plant, PlantError, STEP_S, Scene};
-use super::sensors::{SensorParameters, Sensors};
+use super::cell::{Cell, STEPS_PER_TICK, TICK_S, whole_ticks};
+use super::plant::{Plant, PlantError, Scene};
+use super::sensors::SensorParameters;
 use crate::link::{Command, Link, LinkError, Report, ThumbLaw, TrueObject};
-
-/// Physics steps in one control period, unless more are asked for.
-const STEPS_PER_TICK: u32 = 2;
-/// The control period: 1 kHz.
-pub const TICK_S: f64 = STEPS_PER_TICK as f64 * STEP_S;
 
 /// What a simulated hand may have otherwise than usual.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -31,13 +26,9 @@ impl Default for TwinSettings {
 
 /// A simulated hand that runs the firmware's control laws.
 pub struct Twin {
-    plant: Plant,
-    steps_per_tick: u32,
-    sensors: Sensors,
+    cell: Cell,
     config: Config,
     state: State,
-    report: Report,
-    center_in_object: Option<Point3<f64>>,
 }
 
 impl Twin {
@@ -59,10 +50,7 @@ impl Twin {
         seed: u64,
         settings: &TwinSettings,
     ) -> Result<Self, PlantError> {
-        let steps_per_tick = settings.steps_per_tick.max(1);
-        let plant = Plant::with_step(scene, TICK_S / f64::from(steps_per_tick))?;
-        let mut sensors = Sensors::new(parameters, seed);
-        let report = sensors.read(&plant.state());
+        let cell = Cell::with_steps(scene, parameters, seed, settings.steps_per_tick)?;
         let mut config = Config::new(&scene.hand.cast());
         // `exec` has its reflex, which knows the plan's forces; two at once would add up.
         config.slip.rate_n_per_s = 0.0;
@@ -73,21 +61,13 @@ impl Twin {
             // As damped as before.
             config.thumb.damping_n_s_per_m[2] *= softer.sqrt();
         }
-        Ok(Self {
-            plant,
-            steps_per_tick,
-            sensors,
-            config,
-            state: State::default(),
-            report,
-            center_in_object: scene.object.as_ref().map(|object| object.center_of_mass),
-        })
+        Ok(Self { cell, config, state: State::default() })
     }
 
     /// The simulated hand, object and table.
     #[must_use]
     pub fn plant(&self) -> &Plant {
-        &self.plant
+        self.cell.plant()
     }
 
     fn tick(&mut self, command: &Command, palm_share: f64) {
@@ -101,44 +81,28 @@ impl Twin {
                 ThumbLaw::Impedance => ThumbMode::Impedance,
             },
         };
+        let read = self.cell.read();
         let sensors = control::Sensors {
-            position_rad: single(&self.report.position_rad),
-            joint_torque_nm: single(&self.report.joint_torque_nm),
-            tip_wrench: self.report.tip_wrench.map(|wrench| {
-                let (f, m) = (wrench.force, wrench.moment);
-                [f.x, f.y, f.z, m.x, m.y, m.z].map(|x| x as f32)
-            }),
+            position_rad: single(&read.position_rad),
+            joint_torque_nm: single(&read.joint_torque_nm),
+            tip_wrench: read.tip_wrench.map(|wrench| wrench.to_array().map(|x| x as f32)),
         };
         let torques = control::step(&self.config, &mut self.state, &sensors, &target, TICK_S as f32);
-        let start = self.plant.base_from_palm();
-        let end = start.lerp_slerp(&command.base_from_palm, palm_share);
-        for step in 1..=self.steps_per_tick {
-            self.plant.step(&Drive {
-                torque_nm: torques.nm.map(f64::from),
-                thumb_rotation_rad: command.position_rad[0],
-                base_from_palm: start.lerp_slerp(&end, f64::from(step) / f64::from(self.steps_per_tick)),
-            });
-        }
-        self.report = self.sensors.read(&self.plant.state());
+        let torque_nm = torques.nm.map(f64::from);
+        self.cell.advance(torque_nm, command.position_rad[0], &command.base_from_palm, palm_share);
     }
 }
 
 impl Link for Twin {
     /// `dt_s` must be a whole number of [`TICK_S`]; the palm moves evenly over it.
     fn step(&mut self, command: &Command, dt_s: f64) -> Result<Report, LinkError> {
-        let ticks = (dt_s / TICK_S).round();
-        if !(ticks >= 1.0 && (ticks * TICK_S - dt_s).abs() < 1e-9) {
-            return Err(LinkError::Step { dt_s });
-        }
-        let ticks = ticks as u64;
-        for left in (1..=ticks).rev() {
+        for left in (1..=whole_ticks(dt_s)?).rev() {
             self.tick(command, 1.0 / left as f64);
         }
-        Ok(self.report.clone())
+        Ok(self.cell.read().clone())
     }
 
     fn object(&self) -> Option<TrueObject> {
-        let base_from_object = self.plant.base_from_object()?;
-        Some(TrueObject { base_from_object, center_in_base: base_from_object * self.center_in_object? })
+        self.cell.object()
     }
 }

@@ -10,7 +10,8 @@ fn timeless(mut document: Value) -> Value {
     fn strip(value: &mut Value) {
         match value {
             Value::Object(fields) => {
-                fields.retain(|name, _| !["seconds", "plan_s", "twin_speed"].contains(&name.as_str()));
+                let timed = ["seconds", "plan_s", "link_speed"];
+                fields.retain(|name, _| !timed.contains(&name.as_str()));
                 fields.values_mut().for_each(strip);
             }
             Value::Array(items) => items.iter_mut().for_each(strip),

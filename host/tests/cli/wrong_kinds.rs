@@ -99,7 +99,8 @@ const SHAPES: &[Shape] = &[
         outputs: &["new.json"],
         amounts: &["--friction", "--mass"],
         counts: &["--grasp", "--seed"],
-        choices: &["--link", "--unit", "--offset"],
+        choices: &["--link", "--fail", "--unit", "--offset"],
+        ..NONE
     },
     Shape {
         command: "experiment",
@@ -107,7 +108,7 @@ const SHAPES: &[Shape] = &[
         inputs: &["box.off"],
         amounts: &["--thumb-stiffness", "--shake"],
         counts: &["--trials", "--seed", "--threads", "--redo", "--plant-steps"],
-        choices: &["--sweeps", "--unit"],
+        choices: &["--link", "--sweeps", "--unit"],
         ..NONE
     },
     Shape {

@@ -198,8 +198,9 @@ pub(super) fn describe(
         100.0 * share(all.executed_held, all.executed),
         all.pushed
     )?;
+    let link = protocol.link.name();
     match all.speed {
-        Some(speed) => writeln!(out, "; twin at {speed:.1} x real time")?,
+        Some(speed) => writeln!(out, "; {link} at {speed:.1} x real time on one core")?,
         None => writeln!(out)?,
     }
     writeln!(out, "took {seconds:.1} s; strategy {}, seed {}", protocol.strategy.name(), protocol.seed)
@@ -218,7 +219,8 @@ pub(super) fn document(protocol: &Protocol, trials: &[Trial], seconds: f64) -> V
     let mut document = all.document();
     if let Value::Object(fields) = &mut document {
         fields.insert("seconds".to_owned(), json!(seconds));
-        fields.insert("twin_speed".to_owned(), json!(all.speed));
+        fields.insert("link".to_owned(), json!(protocol.link.name()));
+        fields.insert("link_speed".to_owned(), json!(all.speed));
         fields.insert("strategy".to_owned(), json!(protocol.strategy.name()));
         fields.insert("seed".to_owned(), json!(protocol.seed));
         fields.insert("objects".to_owned(), Value::Object(objects));

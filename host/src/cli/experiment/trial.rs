@@ -8,10 +8,11 @@ use nalgebra::Point3;
 use rand::RngExt;
 
 use super::draw::{self, Cell, Specimen};
-use crate::cli::execute::{RunSettings, Truth, on_twin, record_run};
+use crate::cli::execute::{RunSettings, Truth, on_link, record_run};
 use crate::cli::pipeline::{self, Search};
 use crate::cli::plan::Strategy;
 use crate::cli::scan;
+use crate::cli::simulated::{LinkChoice, SimulatedHand};
 use crate::exec::{Execution, Verdict};
 use crate::object::DESIGN_FRICTION;
 use crate::plan::search::attempt_rng;
@@ -27,6 +28,8 @@ pub(super) struct Protocol {
     /// How often the process is begun again from the scan, at most.
     pub(super) redo: u32,
     pub(super) run: RunSettings,
+    pub(super) link: LinkChoice,
+    pub(super) hand: SimulatedHand,
     /// Folder for a recording of each execution.
     pub(super) record: Option<PathBuf>,
 }
@@ -197,7 +200,7 @@ fn once(
         return Ok((attempt, None));
     };
     let clock = Instant::now();
-    let execution = on_twin(&document, best, truth, sensor_seed, &protocol.run)?;
+    let execution = on_link(&protocol.hand, &document, best, truth, sensor_seed, &protocol.run)?;
     attempt.grasp = Some(Tried {
         candidate: best.candidate.clone(),
         epsilon: best.quality.epsilon,

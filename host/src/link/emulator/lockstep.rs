@@ -35,7 +35,7 @@ pub enum LockstepError {
         source: io::Error,
     },
     /// The image gave no answer.
-    #[error("the image gave no answer; the emulator {}, and it said: {stderr}", ended(*.status))]
+    #[error("the image gave no answer; the emulator {}{}", ended(*.status), said(.stderr))]
     Silent {
         /// How the emulator ended, if it did.
         status: Option<ExitStatus>,
@@ -57,6 +57,10 @@ pub struct Lockstep {
 
 fn ended(status: Option<ExitStatus>) -> String {
     status.map_or_else(|| "runs".to_owned(), |status| format!("ended with {status}"))
+}
+
+fn said(stderr: &str) -> String {
+    if stderr.is_empty() { String::new() } else { format!(", and it said: {stderr}") }
 }
 
 fn failed(what: &'static str) -> impl FnOnce(io::Error) -> LockstepError {
@@ -101,7 +105,9 @@ impl Lockstep {
             .command()
             .current_dir(folder.path())
             .spawn()
-            .map_err(failed("starting qemu-system-arm"))?;
+            .map_err(failed(
+                "starting qemu-system-arm (on Debian and Ubuntu: apt-get install qemu-system-arm)",
+            ))?;
         let stderr = drain(child.stderr.take());
         // The emulator blocks if nobody reads what it prints.
         drop(drain(child.stdout.take()));
@@ -145,11 +151,19 @@ impl Lockstep {
         }
     }
 
+    /// Ends the emulator at once, as a crash or the loss of its power would; the next period gives no answer.
+    pub fn kill(&mut self) {
+        // Fails only when it has ended already.
+        let _ = self.running.0.kill();
+    }
+
     fn silent(&mut self, status: Option<ExitStatus>) -> LockstepError {
         // Ends the emulator, so that its complaints end too.
         let _ = self.running.0.kill();
         let stderr = self.stderr.recv_timeout(TIMEOUT).ok().and_then(Result::ok).unwrap_or_default();
-        LockstepError::Silent { status, stderr: stderr.trim().to_owned() }
+        // An emulator that gives up prints all its registers below what happened.
+        let first = stderr.trim().lines().next().unwrap_or_default();
+        LockstepError::Silent { status, stderr: first.to_owned() }
     }
 
     /// Closes the pipe, at which the image ends by itself.

@@ -7,4 +7,4 @@ pub mod lockstep;
 mod port;
 pub mod qemu;
 
-pub use port::{EmulatorError, EmulatorPort};
+pub use port::{EmulatorError, EmulatorPort, find_image};

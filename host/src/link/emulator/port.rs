@@ -36,6 +36,20 @@ pub enum EmulatorError {
     Lockstep(#[from] LockstepError),
 }
 
+/// The ELF that is named, or the project's own, built.
+///
+/// # Errors
+/// There is no such file, or cargo does not build.
+pub fn find_image(elf: Option<&Path>) -> Result<PathBuf, EmulatorError> {
+    match elf {
+        Some(elf) => {
+            fs::metadata(elf).map_err(|source| EmulatorError::Elf { path: elf.to_owned(), source })?;
+            Ok(elf.to_owned())
+        }
+        None => Ok(image::build(BOARD)?),
+    }
+}
+
 /// The image in QEMU, its joints at rest. Time there passes only while one waits for its bytes.
 #[derive(Debug)]
 pub struct EmulatorPort {
@@ -51,23 +65,13 @@ impl EmulatorPort {
     /// # Errors
     /// Cargo or QEMU does not do its part.
     pub fn start(elf: Option<&Path>) -> Result<Self, EmulatorError> {
-        let built;
-        let elf = match elf {
-            Some(elf) => {
-                fs::metadata(elf).map_err(|source| EmulatorError::Elf { path: elf.to_owned(), source })?;
-                elf
-            }
-            None => {
-                built = image::build(BOARD)?;
-                &built
-            }
-        };
+        let elf = find_image(elf)?;
         let position_rad = JointId::ALL.map(|joint| match joint.finger_joint() {
             None | Some((_, FingerJoint::Abduction)) => 0.0,
             Some((_, FingerJoint::Flexion | FingerJoint::Middle)) => 0.2,
         });
         Ok(Self {
-            board: Lockstep::start(elf)?,
+            board: Lockstep::start(&elf)?,
             sensors: ToBoard { position_rad, ..ToBoard::default() },
             waiting: Vec::new(),
         })
