@@ -45,7 +45,7 @@ pub struct DemoArgs {
     #[arg(long, value_name = "NAME|FILE", default_value = "teacup-cover")]
     pub object: String,
     /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
-    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    /// firmware on its bus in this process; qemu or qemu:ELF, its image in QEMU
     #[arg(long, default_value = "twin", value_parser = simulated::link)]
     pub link: LinkChoice,
     /// Folder for the results

@@ -44,7 +44,7 @@ pub struct ExecuteArgs {
     #[arg(value_name = "PLAN.json")]
     pub plan: PathBuf,
     /// The hand to run it on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
-    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    /// firmware on its bus in this process; qemu or qemu:ELF, its image in QEMU
     #[arg(long, default_value = "twin", value_parser = simulated::link)]
     pub link: LinkChoice,
     /// Which grasp of the plan, 1 is the best

@@ -77,7 +77,7 @@ pub struct ExperimentArgs {
     #[arg(long, default_value_t = 1, allow_negative_numbers = true)]
     pub seed: u64,
     /// The hand to run them on: twin, the simulated hand that runs the firmware's control laws; controller, the whole
-    /// firmware on its bus in this process; qemu[:ELF], its image in QEMU
+    /// firmware on its bus in this process; qemu or qemu:ELF, its image in QEMU
     #[arg(long, default_value = "twin", value_parser = simulated::link)]
     pub link: LinkChoice,
     /// Trials that run at a time, each on one core; by default as many as there are cores
