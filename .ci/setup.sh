@@ -18,7 +18,7 @@ need qemu-system-arm qemu-system-arm
 # The page of `prehend view` is looked at in a browser, its text in some font.
 need chromium chromium
 need chromedriver chromium-driver
-fc-list 2>/dev/null | grep -q . || missing+=(fonts-dejavu-core)
+{ fc-list 2>/dev/null || true; } | grep -q . || missing+=(fonts-dejavu-core)
 # Readers of other people for what is exported, pinned in .ci/requirements.txt.
 need python3 python3
 python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
