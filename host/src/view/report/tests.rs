@@ -1,4 +1,4 @@
-use nalgebra::{Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Translation3, UnitQuaternion, Vector3, Vector6};
 use serde_json::Value;
 
 use super::*;
@@ -100,7 +100,7 @@ fn the_page_is_whole_and_takes_nothing_from_outside() {
     let document = document(&hand);
     let page = report(&document, &hand).html().unwrap();
     assert_eq!(page, report(&document, &hand).html().unwrap(), "the same bytes");
-    assert!(page.contains("* plotly.js v") && !page.contains("MathJax.startup"));
+    assert!(page.contains("* plotly.js v") && !page.contains("MathJax.loader"));
     assert_eq!(page.matches("<script").count() - plotly_js().matches("<script").count(), 2);
     // A name that would end the script is data all the same.
     assert_eq!(data(&page)["grasps"][0]["contacts"][0]["link"], "</script><b>");
@@ -123,7 +123,8 @@ fn margins_on_a_ball_are_those_of_plane_trigonometry() {
         // A moment about an axis of the cube: the lever is a unit diagonal, the tangential push 0.5 across it.
         let expected = if bar < 6 { cos + 0.5 * sin } else { 0.5 * sin };
         assert!((reach - expected).abs() < 1e-12, "{bar}: {reach} {expected}");
-        assert!(*reach >= margins.weakest_reach - 1e-12);
+        // The weakest direction is found to a thousandth.
+        assert!(1.001 * reach >= margins.weakest_reach);
     }
     assert!((Vector6::from(margins.weakest).norm() - 1.0).abs() < 1e-9);
     // Turned with its frame, the weakest wrench turns too and reaches as far.
