@@ -7,7 +7,9 @@ out=$(mktemp -d)
 trap 'rm -rf "$out"' EXIT
 cargo build --locked --release
 prehend() { cargo run --locked --release -q -- "$@"; }
-cargo run --locked --release -q -p host --example poses > "$out/poses.json"
+# As `cargo test` has built it.
+cargo build --locked --workspace --examples
+"${CARGO_TARGET_DIR:-target}/debug/examples/poses" > "$out/poses.json"
 prehend demo --out "$out" >/dev/null
 for format in urdf urdf-arm mjcf; do
   prehend export "$out/plan.json" --format "$format" -o "$out/$format.xml" >/dev/null
