@@ -93,6 +93,15 @@ const SHAPES: &[Shape] = &[
         ..NONE
     },
     Shape {
+        command: "view",
+        words: "good.json --mesh box.off --cloud cloud.ply --run run.json -o new.html",
+        inputs: &["good.json", "box.off", "cloud.ply", "run.json"],
+        outputs: &["new.html"],
+        counts: &["--top"],
+        choices: &["--hand", "--arm", "--unit"],
+        ..NONE
+    },
+    Shape {
         command: "execute",
         words: "good.json -o new.json",
         inputs: &["good.json"],
