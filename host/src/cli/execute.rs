@@ -378,9 +378,8 @@ pub(super) fn describe(execution: &Execution, out: &mut dyn Write) -> std::io::R
     writeln!(out, "executed {:.1} s: {}", execution.duration_s, events.join(", "))?;
     if let Some(lift_m) = execution.lift_height_m {
         write!(out, "the object rose {:.1} mm", lift_m * 1e3)?;
-        match execution.slip_m {
-            Some(slip_m) => write!(out, ", moved {:.1} mm in the hand", slip_m * 1e3)?,
-            None => {}
+        if let Some(slip_m) = execution.slip_m {
+            write!(out, ", moved {:.1} mm in the hand", slip_m * 1e3)?;
         }
         match execution.misplaced_m {
             Some(misplaced_m) => writeln!(out, ", and stands {:.1} mm from where it was", misplaced_m * 1e3)?,

@@ -109,7 +109,6 @@ const SHAPES: &[Shape] = &[
         amounts: &["--friction", "--mass"],
         counts: &["--grasp", "--seed"],
         choices: &["--link", "--fail", "--unit", "--offset"],
-        ..NONE
     },
     Shape {
         command: "experiment",
