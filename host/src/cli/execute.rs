@@ -343,7 +343,9 @@ pub(super) fn record(execution: &Execution) -> Value {
                     "palm_position": <[f64; 3]>::from(sample.base_from_palm.translation.vector),
                     "commanded_rad": sample.commanded_rad,
                     "measured_rad": sample.measured_rad,
+                    "joint_torque_nm": sample.joint_torque_nm,
                     "tip_force_n": sample.tip_force_n,
+                    "slip_ratio": sample.slip_ratio,
                     "object_position": sample.base_from_object.map(|pose| <[f64; 3]>::from(pose.translation.vector)),
                 })
             })

@@ -130,22 +130,32 @@ impl Monitor {
     pub fn force_n(&self, finger: FingerId) -> f64 {
         self.tips[finger.index()].filtered.force.norm()
     }
+
+    /// Tangential over normal force at a tip, divided by the friction coefficient: 1 is slip. `None` without contact.
+    #[must_use]
+    pub fn slip_ratio(&self, finger: FingerId) -> Option<f64> {
+        self.tips[finger.index()].slip_ratio(&self.config)
+    }
 }
 
 impl Tip {
+    fn slip_ratio(&self, config: &MonitorConfig) -> Option<f64> {
+        let contact = felt_contact(&self.filtered, config.tip_radius_m)?;
+        (contact.normal_n > config.contact_n).then(|| contact.tangent_n / contact.normal_n / config.friction)
+    }
+
     fn update(&mut self, config: &MonitorConfig, raw: &TipWrench, dt_s: f64) {
         let share = config.filter_rad_per_s * dt_s / (1.0 + config.filter_rad_per_s * dt_s);
         self.filtered.force += (raw.force - self.filtered.force) * share;
         self.filtered.moment += (raw.moment - self.filtered.moment) * share;
         let timed = |holds: bool, timer_s: f64| if holds { timer_s + dt_s } else { 0.0 };
 
-        let contact =
-            felt_contact(&self.filtered, config.tip_radius_m).filter(|c| c.normal_n > config.contact_n);
-        let ratio = contact.map_or(0.0, |c| c.tangent_n / c.normal_n) / config.friction;
+        let felt = self.slip_ratio(config);
+        let ratio = felt.unwrap_or(0.0);
         self.at_edge_s = timed(ratio > config.slip_share, self.at_edge_s);
         self.unloaded_s = timed(self.filtered.force.norm() < config.lost_n, self.unloaded_s);
         self.touch = match self.touch {
-            Touch::Free if contact.is_none() => Touch::Free,
+            Touch::Free if felt.is_none() => Touch::Free,
             _ if self.unloaded_s >= config.lost_time_s => Touch::Free,
             _ if self.at_edge_s >= config.slip_time_s => Touch::Slipping,
             Touch::Slipping if ratio > config.firm_share => Touch::Slipping,

@@ -172,6 +172,8 @@ pub struct TraceSample {
     pub tip_wrench: [TipWrench; FINGER_COUNT],
     /// Filtered force on each fingertip.
     pub tip_force_n: [f64; FINGER_COUNT],
+    /// Tangential over normal force at each fingertip, divided by the planned friction: 1 is slip. `None` without contact.
+    pub slip_ratio: [Option<f64>; FINGER_COUNT],
     /// True pose of the object, where it is known.
     pub base_from_object: Option<Isometry3<f64>>,
 }

@@ -280,6 +280,7 @@ impl<'a> Run<'a> {
                 joint_torque_nm: report.joint_torque_nm,
                 tip_wrench: report.tip_wrench,
                 tip_force_n: FingerId::ALL.map(|finger| self.monitor.force_n(finger)),
+                slip_ratio: FingerId::ALL.map(|finger| self.monitor.slip_ratio(finger)),
                 base_from_object: object.map(|o| o.base_from_object),
             });
         }

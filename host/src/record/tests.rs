@@ -20,6 +20,7 @@ fn execution() -> Execution {
         tip_wrench: [TipWrench { force: Vector3::new(-2.0, 0.0, 0.0), moment: Vector3::zeros() };
             FINGER_COUNT],
         tip_force_n: [2.0; FINGER_COUNT],
+        slip_ratio: [None, Some(0.5), None, None],
         base_from_object: Some(Isometry3::translation(0.4, 0.0, 0.01 * f64::from(k))),
     };
     Execution {

@@ -392,7 +392,8 @@ fn an_object_in_the_way_stops_the_hand() {
     // A cube of 50 mm under the thumb, where there should be none, and its top 20 mm above where the tip goes.
     let mut case = cube_grasp(0.6);
     case.scene.object = Some(box_object([0.05; 3], Vector3::new(0.42 - 0.05, 0.0, 0.025), 2.0));
-    let execution = lift(&case, 7);
+    let settings = ExecutionSettings { trace_period_s: 1e-3, ..ExecutionSettings::default() };
+    let execution = lift_with(&case, 7, &settings);
     assert_eq!((execution.verdict, execution.felt), (Verdict::Obstructed, Verdict::Obstructed));
     assert_eq!(phases(&execution), ["prepare", "advance", "stop", "retreat"]);
     let most_n = execution.trace.iter().flat_map(|sample| sample.tip_force_n).fold(0.0, f64::max);
@@ -404,12 +405,13 @@ fn an_object_in_the_way_stops_the_hand() {
     );
     // The palm is commanded without a jump of its speed.
     let mut speeds = execution.trace.windows(2).map(|pair| {
-        (pair[1].base_from_palm.translation.vector - pair[0].base_from_palm.translation.vector) / 0.02
+        (pair[1].base_from_palm.translation.vector - pair[0].base_from_palm.translation.vector)
+            / settings.period_s
     });
     let first = speeds.next().unwrap();
     let jump =
         speeds.scan(first, |last, now| Some((now - std::mem::replace(last, now)).norm())).fold(0.0, f64::max);
-    assert!(jump < 0.05, "{jump} m/s in 20 ms");
+    assert!(jump < 1.01 * settings.stop_m_per_s2 * settings.period_s, "{jump} m/s in a period");
 }
 
 #[test]
