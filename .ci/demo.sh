@@ -8,7 +8,7 @@ cargo build --locked --release
 for run in a b; do
   cargo run --locked --release -q -- demo --out "$out/$run"
 done
-for file in cloud.ply mesh.stl mesh.iv plan.json grasp.png; do
+for file in cloud.ply mesh.stl mesh.iv plan.json grasp.png report.html; do
   cmp "$out/a/$file" "$out/b/$file"
 done
 echo "demo: two runs with one seed left the same bytes"

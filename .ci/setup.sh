@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Tools that the rings need: the stable toolchain with its target and components, and QEMU for Arm.
+# Tools that the rings need: the stable toolchain with its target and components, QEMU for Arm, a browser, Python.
 set -euo pipefail
 say_missing() { echo "missing: $1" >&2; exit 1; }
 
@@ -11,11 +11,22 @@ else
   cargo fmt --version >/dev/null || say_missing "rustfmt (no rustup here to add it)"
   cargo clippy --version >/dev/null || say_missing "clippy (no rustup here to add it)"
 fi
-if ! command -v qemu-system-arm >/dev/null; then
+# Names of packages as Debian has them, where the command that they bring is not there.
+missing=()
+need() { command -v "$1" >/dev/null || missing+=("$2"); }
+need qemu-system-arm qemu-system-arm
+# The page of `prehend view` is looked at in a browser, its text in some font.
+need chromium chromium
+need chromedriver chromium-driver
+{ fc-list 2>/dev/null || true; } | grep -q . || missing+=(fonts-dejavu-core)
+# Readers of other people for what is exported, pinned in .ci/requirements.txt.
+need python3 python3
+python3 -c 'import ensurepip' 2>/dev/null || missing+=(python3-venv)
+if [ "${#missing[@]}" -gt 0 ]; then
   if [ "$(id -u)" = 0 ] && command -v apt-get >/dev/null; then
-    apt-get update -qq && apt-get install -y -qq --no-install-recommends qemu-system-arm
+    apt-get update -qq && apt-get install -y -qq --no-install-recommends "${missing[@]}"
   else
-    say_missing "qemu-system-arm: sudo apt-get install qemu-system-arm (Debian, Ubuntu), or your system's QEMU package"
+    say_missing "sudo apt-get install ${missing[*]} (Debian's names; your system's packages may have others)"
   fi
 fi
 cargo --version

@@ -22,11 +22,16 @@ use crate::exec::{Execution, Verdict};
 use crate::grasp::Contact;
 use crate::io::{Unit, read_mesh, write_atomically, write_cloud, write_mesh};
 use crate::object::Object;
+use crate::plan::document::PlanDocument;
 use crate::plan::scene::Scene;
 use crate::plan::seen::SeenSurface;
 use crate::scan::Instrument;
-use crate::surface::Mesh;
+use crate::surface::{Mesh, PointCloud};
 use crate::view::picture::Picture;
+use crate::view::report::{Report, RunRecord};
+
+/// Grasps to keep.
+const TOP: usize = 10;
 
 /// Size of the picture, pixels.
 const PICTURE_PX: [u32; 2] = [960, 720];
@@ -144,11 +149,18 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         }
     };
     let execute_s = clock.elapsed().as_secs_f64();
+    let clock = Instant::now();
+    let run = execution.as_ref().map(|run| serde_json::from_value(execute::record(run))).transpose()?;
+    let page = page(&scene, document, &surface.mesh, &scan.cloud, run.as_ref())?;
+    write_atomically(&file("report.html"), |writer| writer.write_all(page.as_bytes()))?;
+    let view_s = clock.elapsed().as_secs_f64();
+    writeln!(report, "5 view         report.html, for a browser")?;
     writeln!(
         report,
-        "took {:.2} s: scan {scan_s:.2}, reconstruct {reconstruct_s:.2}, plan {plan_s:.2}, execute {execute_s:.2}; \
+        "took {:.2} s: scan {scan_s:.2}, reconstruct {reconstruct_s:.2}, plan {plan_s:.2}, execute {execute_s:.2}, \
+         view {view_s:.2}; \
          results in {}",
-        scan_s + reconstruct_s + plan_s + execute_s,
+        scan_s + reconstruct_s + plan_s + execute_s + view_s,
         args.out.display()
     )?;
     drop(report);
@@ -159,6 +171,7 @@ pub fn run(args: &DemoArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
             &json!({
                 "stages": {
                     "scan_s": scan_s, "reconstruct_s": reconstruct_s, "plan_s": plan_s, "execute_s": execute_s,
+                    "view_s": view_s,
                 },
                 "points": scan.cloud.len(),
                 "triangles": surface.report.triangles,
@@ -189,9 +202,30 @@ fn plan(
         Search { strategy: args.strategy, friction: args.friction, mass_kg: object.mass_kg, seed: args.seed };
     let progress = bar(args.strategy.default_attempts(), "attempts");
     // The document names what it was planned on: the mesh beside it.
-    let found = search.run(mesh, seen, "mesh.stl", 10, &|done| progress.set_position(done as u64))?;
+    let found = search.run(mesh, seen, "mesh.stl", TOP, &|done| progress.set_position(done as u64))?;
     progress.finish_and_clear();
     Ok(found)
+}
+
+/// All of it as a page for a browser.
+fn page(
+    scene: &Scene,
+    document: &PlanDocument,
+    mesh: &Mesh,
+    cloud: &PointCloud,
+    run: Option<&RunRecord>,
+) -> anyhow::Result<String> {
+    let report = Report {
+        document,
+        hand: &scene.hand,
+        arm: scene.arm.as_ref(),
+        mesh: Some(mesh),
+        cloud: Some(cloud),
+        run,
+        top: TOP,
+        notes: Vec::new(),
+    };
+    Ok(report.html()?)
 }
 
 /// Draws the best grasp.

@@ -120,12 +120,19 @@ pub fn run(args: &ExecuteArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     Ok(if execution.verdict == Verdict::Held { Outcome::Done } else { Outcome::No })
 }
 
-pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
+/// A plan for any hand.
+pub(super) fn read_document(path: &Path) -> anyhow::Result<PlanDocument> {
     let metadata = std::fs::metadata(path)?;
     ensure!(metadata.is_file(), "not a file");
     ensure!(metadata.len() <= MAX_BYTES, "{} bytes are more than a plan has", metadata.len());
     let document: PlanDocument = serde_json::from_str(&std::fs::read_to_string(path)?)?;
     document.check()?;
+    Ok(document)
+}
+
+/// A plan for the built-in hand.
+pub(super) fn read_plan(path: &Path) -> anyhow::Result<PlanDocument> {
+    let document = read_document(path)?;
     ensure!(
         document.hand.sha256 == hit_dlr::hash(&HandModel::hit_dlr()),
         "the plan is for another hand, {}: only {} with the parameters of this program is simulated and exported",
@@ -275,7 +282,7 @@ fn write_line(writer: &mut dyn Write, record: &Value) -> std::io::Result<()> {
 }
 
 /// What happened and the trace.
-fn record(execution: &Execution) -> Value {
+pub(super) fn record(execution: &Execution) -> Value {
     let mut record = summary(execution);
     if let Value::Object(fields) = &mut record {
         let trace: Vec<Value> = execution

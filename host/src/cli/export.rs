@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, ensure};
 use clap::{Args, ValueEnum};
 use hand_model::HandModel;
-use nalgebra::Isometry3;
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::execute::{beside, read_plan};
 use super::{Outcome, input};
+use crate::exec::{LinkPush, joint_squeeze_targets};
 use crate::export::mjcf::SceneObject;
 use crate::export::{Grasp, inventor, isaac, mjcf, moveit, urdf};
+use crate::hand::{Hand, hit_dlr};
 use crate::io::{Unit, write_atomically};
 use crate::object::Object;
 use crate::plan::arm::Arm;
@@ -106,7 +108,8 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
                 mass_kg: planned.mass_kg,
                 friction: planned.friction,
             };
-            Ok(mjcf::scene(&hand, grasp, &object)?)
+            let grasp = pressing_by_joints(grasp, &document)?;
+            Ok(mjcf::scene(&hand, &grasp, &object)?)
         }
         (ExportFormat::Inventor, [grasp]) if !args.all => {
             Ok(inventor::scene(&hand, grasp, &planned_object(args, &document)?.mesh)?)
@@ -116,6 +119,29 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
         }
         _ => Ok(isaac::yaml(&document.object.source, &grasps)),
     }
+}
+
+/// The grasp with squeeze targets for position control of every joint. The plan's are for the firmware, whose thumb
+/// presses as a spring at its tip.
+fn pressing_by_joints(grasp: &Grasp, document: &PlanDocument) -> anyhow::Result<Grasp> {
+    let hand = Hand::hit_dlr()?;
+    let palm_from_object = grasp.object_from_palm.inverse();
+    let contacts = document.grasps.get(grasp.number - 1).into_iter().flat_map(|info| &info.contacts);
+    let pushes: Vec<LinkPush> = contacts
+        .filter_map(|contact| {
+            let index = hand.finger_index(&contact.finger)?;
+            let finger = &hand.fingers[index];
+            let bead = finger.beads().iter().find(|bead| finger.link_of(bead) == contact.link)?;
+            Some(LinkPush {
+                finger: index,
+                segment: bead.segment,
+                point_in_palm: palm_from_object * Point3::from(contact.point),
+                force_in_palm: palm_from_object.rotation * Vector3::from(contact.squeeze_force_n),
+            })
+        })
+        .collect();
+    let squeeze = joint_squeeze_targets(&hand, &hit_dlr::posture(&grasp.grasp), &pushes);
+    Ok(Grasp { squeeze: hit_dlr::angles(&squeeze), ..grasp.clone() })
 }
 
 /// The arm that was planned with; without one in the plan, the one that is asked for.

@@ -39,6 +39,7 @@ mod remote;
 pub mod scan;
 mod scan_images;
 pub mod serve;
+pub mod view;
 
 /// How a command that ran ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -79,6 +80,8 @@ enum Command {
     Execute(execute::ExecuteArgs),
     /// The paper's experiment on the virtual cell: many trials from scan to hold, as a table
     Experiment(experiment::ExperimentArgs),
+    /// A plan as one page for a browser: scene, grasps, quality, execution
+    View(view::ViewArgs),
     /// A plan's grasps, scene or robot for another program: Isaac, MoveIt, URDF, MuJoCo, Inventor
     Export(export::ExportArgs),
     /// A hand: what a robot description says of it, or bring-up of one at the end of a line
@@ -133,6 +136,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
         Command::Experiment(args) => experiment::run(&args, out),
+        Command::View(args) => view::run(&args, out),
         Command::Export(args) => export::run(&args, out),
         Command::Hand(args) => hand::run(&args, out),
         Command::Doctor(args) => doctor::run(&args, out),

@@ -4,18 +4,21 @@ use std::future::Future;
 use std::io::{self, Write};
 use std::net::{SocketAddr, TcpListener};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
 use clap::{ArgAction, Args, CommandFactory, Parser};
 
 use super::hand_file::HandChoice;
-use super::plan::{ArmChoice, Given, PlanArgs, Watch, make};
+use super::plan::{ArmChoice, Given, Made, PlanArgs, Watch, make};
 use super::{Outcome, chain, input, told};
 use crate::hand::hit_dlr;
 use crate::io::{Loaded, read_geometry_bytes};
 use crate::object::BuiltIn;
-use crate::serve::{DEFAULT_ADDRESS, Limits, OptionInfo, Product, Reporter, Work};
+use crate::plan::scene::Scene;
+use crate::serve::{DEFAULT_ADDRESS, Limits, OptionInfo, Page, Product, Reporter, Work};
+use crate::view::report::Report;
 
 /// The planner as a service: HTTP, progress as events
 #[derive(Debug, Clone, Args)]
@@ -122,6 +125,9 @@ fn signal() -> impl Future<Output = io::Result<()>> {
 
 /// Plans as `prehend plan` does, with its options.
 struct Planning;
+
+/// Grasps on a page, best first.
+const GRASPS_SHOWN: usize = 20;
 
 /// An uploaded file that nobody has named.
 const UNNAMED: &str = "upload";
@@ -270,17 +276,38 @@ impl Work for Planning {
         let start = Instant::now();
         let made = make(&args, given, &Told(reporter), reporter.stop()).map_err(|error| chain(&error))?;
         let document = &made.planned.document;
+        let summary = made.summary(&args, start.elapsed().as_secs_f64());
         // What a file of `prehend plan` holds.
         let mut plan = serde_json::to_vec_pretty(document).map_err(|error| error.to_string())?;
         plan.push(b'\n');
         Ok(Product {
             grasps: document.grasps.len(),
             text: String::from_utf8_lossy(&made.text).lines().map(str::to_owned).collect(),
-            summary: made.summary(&args, start.elapsed().as_secs_f64()),
-            page: None,
+            summary,
+            page: Some(page(made)),
             plan,
         })
     }
+}
+
+/// Draws the plan when somebody wants to see it. Kept until then: what is drawn, without the scene's tables.
+fn page(made: Made) -> (Page, usize) {
+    let (document, Scene { hand, arm, mesh, .. }) = (made.planned.document, made.scene);
+    let bytes = std::mem::size_of_val(mesh.vertices()) + std::mem::size_of_val(mesh.faces());
+    let draw = move || {
+        let report = Report {
+            document: &document,
+            hand: &hand,
+            arm: arm.as_ref(),
+            mesh: Some(&mesh),
+            cloud: None,
+            run: None,
+            top: GRASPS_SHOWN,
+            notes: Vec::new(),
+        };
+        report.html().map_err(|error| error.to_string())
+    };
+    (Arc::new(draw), bytes)
 }
 
 /// A name that can stand in a line and in a document.

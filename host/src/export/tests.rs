@@ -296,6 +296,8 @@ fn an_mjcf_scene_has_keyframes_for_all_its_joints() {
     }
     let mesh = text.lines().find(|line| line.contains("<mesh ")).unwrap();
     assert_eq!(attribute(mesh, "vertex").len(), 3 * 8);
+    // What the firmware compensates.
+    assert!(!text.contains("frictionloss"));
     let density = text.lines().find(|line| line.contains("density")).unwrap();
     assert!((attribute(density, "density")[0] - 0.1 / 0.05f64.powi(3)).abs() < 1e-9);
 }

@@ -53,6 +53,7 @@ pub(crate) fn fill(folder: &Path) {
         ("nan.xyz", &"nan 0 0\n0 inf 0\n1 2 3\n".repeat(40)),
         ("astronomic.xyz", &"1e300 0 0\n-1e300 0 1\n0 1e300 0\n1 1 1e300\n".repeat(40)),
         ("short.toml", "name = \"x\"\n[geometry]\na1_m = 0\na2_m = 0\nb_m = 0\nc1_m = 0.4\n"),
+        ("run.json", r#"{"verdict":"held","duration_s":1,"events":[],"trace":[{"time_s":0}]}"#),
         ("words.xyz", "0 0 0\neast 0 0\n"),
     ] {
         write(name, text.as_bytes());

@@ -18,6 +18,7 @@ mod shell;
 mod solids;
 mod streams;
 mod tables;
+mod view;
 mod wrong_calls;
 mod wrong_kinds;
 

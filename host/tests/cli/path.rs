@@ -180,7 +180,7 @@ fn demo_lifts_the_teacup_cover_and_repeats_itself() {
     assert!((0.01..1.0).contains(&number(&first, "/epsilon")), "{first}");
     assert!(number(&first, "/points") > 10_000.0 && number(&first, "/triangles") > 1000.0, "{first}");
     assert!((1.0..=number(&first, "/attempts")).contains(&number(&first, "/force_closure")), "{first}");
-    for stage in ["scan_s", "reconstruct_s", "plan_s", "execute_s"] {
+    for stage in ["scan_s", "reconstruct_s", "plan_s", "execute_s", "view_s"] {
         assert!((0.0..120.0).contains(&number(&first, &format!("/stages/{stage}"))), "{first}");
     }
     let but_times = |mut summary: Value| {
@@ -191,7 +191,10 @@ fn demo_lifts_the_teacup_cover_and_repeats_itself() {
 
     let [a, b, d] = ["a", "b/c", "d"].map(|name| files(&folder.path().join(name)));
     let names: Vec<&str> = a.keys().map(String::as_str).collect();
-    assert_eq!(names, ["cloud.ply", "grasp.png", "mesh.iv", "mesh.stl", "plan.json", "run.json"]);
+    assert_eq!(
+        names,
+        ["cloud.ply", "grasp.png", "mesh.iv", "mesh.stl", "plan.json", "report.html", "run.json"]
+    );
     assert!(a.keys().eq(b.keys()) && a.keys().eq(d.keys()));
     for (name, bytes) in &a {
         // Not assert_eq!, which would print megabytes.

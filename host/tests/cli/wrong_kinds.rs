@@ -81,7 +81,16 @@ const SHAPES: &[Shape] = &[
         outputs: &["new.json"],
         amounts: &["--friction", "--mass", "--threshold"],
         counts: &["--top", "--seed"],
-        choices: &["--hand", "--arm", "--table", "--place", "--up", "--pick", "--unit", "--start"],
+        choices: &[
+            "--hand", "--arm", "--table", "--place", "--up", "--pick", "--unit", "--start", "--server",
+        ],
+    },
+    Shape {
+        command: "serve",
+        amounts: &["--time-limit", "--grace"],
+        counts: &["--jobs", "--queue", "--keep", "--max-body", "--connections"],
+        choices: &["--listen"],
+        ..NONE
     },
     Shape {
         command: "quality",
@@ -90,6 +99,15 @@ const SHAPES: &[Shape] = &[
         amounts: &["--tolerance"],
         counts: &["--edges"],
         choices: &["--convention", "--norm", "--force-norm", "--resist", "--ellipsoid"],
+        ..NONE
+    },
+    Shape {
+        command: "view",
+        words: "good.json --mesh box.off --cloud cloud.ply --run run.json -o new.html",
+        inputs: &["good.json", "box.off", "cloud.ply", "run.json"],
+        outputs: &["new.html"],
+        counts: &["--top"],
+        choices: &["--hand", "--arm", "--unit"],
         ..NONE
     },
     Shape {

@@ -1,0 +1,21 @@
+#!/usr/bin/env bash
+# What is exported, read by a reader of somebody else: MuJoCo holds the object of the MJCF scene, and moves the URDFs as we do.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+python=$(.ci/python.sh)
+out=$(mktemp -d)
+trap 'rm -rf "$out"' EXIT
+cargo build --locked --release
+prehend() { cargo run --locked --release -q -- "$@"; }
+# As `cargo test` has built it.
+cargo build --locked --workspace --examples
+"${CARGO_TARGET_DIR:-target}/debug/examples/poses" > "$out/poses.json"
+prehend demo --out "$out" >/dev/null
+for format in urdf urdf-arm mjcf; do
+  prehend export "$out/plan.json" --format "$format" -o "$out/$format.xml" >/dev/null
+done
+for object in cube cylinder mouse; do
+  prehend plan "$object" --strategy paper --top 1 -o "$out/$object.json" >/dev/null
+  prehend export "$out/$object.json" --format mjcf -o "$out/$object.mjcf.xml" >/dev/null
+done
+"$python" .ci/readback.py "$out/poses.json" "$out/urdf.xml" "$out/urdf-arm.xml" "$out/mjcf.xml" "$out"/*.mjcf.xml
