@@ -76,28 +76,42 @@ pub fn run(args: &ServeArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     };
     let listener = TcpListener::bind(args.listen).with_context(|| format!("listening on {}", args.listen))?;
     let address = listener.local_addr()?;
-    writeln!(out, "listening on http://{address}")?;
-    if !address.ip().is_loopback() {
-        writeln!(out, "whoever reaches this address may plan: see docs/service.md")?;
-    }
-    out.flush()?;
     // Whoever does not read the log does not end the service.
     let log = |line: &str| drop(writeln!(anstream::stderr(), "{line}"));
-    crate::serve::run(listener, limits, Planning, log, ending())
+    let mut announced = Ok(());
+    let ending = async {
+        // Before anybody is told that there is something to end.
+        let signalled = signal();
+        announced = announce(address, out);
+        if announced.is_ok() {
+            ending(signalled).await;
+        }
+    };
+    crate::serve::run(listener, limits, Planning, log, ending)
         .with_context(|| format!("serving at {address}"))?;
+    announced?;
     writeln!(out, "ended")?;
     Ok(Outcome::Done)
 }
 
+fn announce(address: SocketAddr, out: &mut dyn Write) -> io::Result<()> {
+    writeln!(out, "listening on http://{address}")?;
+    if !address.ip().is_loopback() {
+        writeln!(out, "whoever reaches this address may plan: see docs/service.md")?;
+    }
+    out.flush()
+}
+
 /// Ready at the first SIGINT or SIGTERM; the second ends the process on the spot.
-async fn ending() {
-    if signal().await.is_err() {
+async fn ending(signalled: impl Future<Output = io::Result<()>>) {
+    if signalled.await.is_err() {
         // Without a handler the signals end the process by themselves.
         std::future::pending::<()>().await;
     }
+    let second = signal();
     let _ = writeln!(anstream::stderr(), "ending: plans in the making may finish; once more to end at once");
     tokio::spawn(async {
-        if signal().await.is_ok() {
+        if second.await.is_ok() {
             std::process::exit(130);
         }
     });
@@ -191,7 +205,12 @@ impl Work for Planning {
             if is_flag {
                 (words, default) = (vec!["true".to_owned(), "false".to_owned()], Some("false".to_owned()));
             }
-            let help = argument.get_help().map(ToString::to_string).unwrap_or_default();
+            let help = match argument.get_id().as_str() {
+                // Files of the machine that calls are not looked for on this one.
+                "hand" => "Hand to plan for".to_owned(),
+                "arm" => "Arm that carries it: rx60, or none to plan for the hand alone".to_owned(),
+                _ => argument.get_help().map(ToString::to_string).unwrap_or_default(),
+            };
             options.push(option(argument.get_long().unwrap_or_default(), &help, default.as_deref(), words));
         }
         options

@@ -1,6 +1,7 @@
 //! The other end: sends a file, follows the job, fetches the plan.
 
 use std::io::{BufRead, BufReader, Read};
+use std::thread;
 use std::time::Duration;
 
 use thiserror::Error;
@@ -15,6 +16,8 @@ const CONNECT_TIME: Duration = Duration::from_secs(10);
 const ANSWER_TIME: Duration = Duration::from_secs(120);
 /// How long one stream of events is listened to before it is asked for anew: a machine that vanished says nothing.
 const FOLLOW_TIME: Duration = Duration::from_secs(60);
+/// Pause before the next one.
+const PAUSE: Duration = Duration::from_millis(100);
 /// Streams in a row that may break before they said anything.
 const BROKEN_STREAMS: usize = 3;
 /// Largest plan and largest event that are taken, bytes.
@@ -25,7 +28,7 @@ const MAX_EVENT_BYTES: u64 = 1 << 24;
 #[derive(Debug, Error)]
 pub enum ClientError {
     /// Nobody answers, or not in HTTP.
-    #[error("{url}: {source} (is prehend serve running there?)")]
+    #[error("no service answers at {url} (is prehend serve running there?): {source}")]
     Unreachable {
         /// The service.
         url: String,
@@ -125,6 +128,7 @@ impl Client {
             if broken == BROKEN_STREAMS {
                 return Err(self.foreign("its events break off"));
             }
+            thread::sleep(PAUSE);
         }
     }
 

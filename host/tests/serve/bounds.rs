@@ -29,18 +29,18 @@ fn of_a_thousand_clients_as_many_are_taken_as_fit_and_all_others_told_so() {
     let limits = Limits { jobs: 2, queue: 7, kept: 20, ..Limits::default() };
     let service = Running::with(limits);
     let start = Barrier::new(CLIENTS);
+    let client = |number: usize| {
+        let body = format!("body {number}");
+        let length = body.len().to_string();
+        let mut stream = connect(service.address);
+        // All are connected before the first one asks.
+        start.wait();
+        let request = head("POST /plans?do=wait", &[("content-length", &length)]) + &body;
+        // A connection beyond the bound has its answer already.
+        let _ = stream.write_all(request.as_bytes());
+        answer(&mut BufReader::new(stream))
+    };
     let answers: Vec<Answer> = thread::scope(|scope| {
-        let client = |number: usize| {
-            let body = format!("body {number}");
-            let length = body.len().to_string();
-            let mut stream = connect(service.address);
-            // All are connected before the first one asks.
-            start.wait();
-            let request = head("POST /plans?do=wait", &[("content-length", &length)]) + &body;
-            // A connection beyond the bound has its answer already.
-            let _ = stream.write_all(request.as_bytes());
-            answer(&mut BufReader::new(stream))
-        };
         let client = &client;
         let clients: Vec<_> = (0..CLIENTS)
             .map(|number| {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use host::serve::Limits;
 
 use crate::gated::Running;
-use crate::http::{events, get, post, taken};
+use crate::http::{events, follow, get, post, read_events, taken};
 
 #[test]
 fn a_running_job_ends_and_is_fetched_and_waiting_ones_are_told() {
@@ -16,10 +16,11 @@ fn a_running_job_ends_and_is_fetched_and_waiting_ones_are_told() {
     let running = taken(&post(address, "/plans?do=wait", b"body"));
     while get(address, &format!("/plans/{running}")).json()["state"] == "waiting" {}
     let waiting = taken(&post(address, "/plans?do=wait", b"body"));
+    let following = follow(address, &running);
     let follower = thread::spawn({
         let running = running.clone();
         move || {
-            let last = events(address, &running).pop().unwrap().0;
+            let last = read_events(following).pop().unwrap().0;
             (last, get(address, &format!("/plans/{running}/plan.json")))
         }
     });
@@ -42,10 +43,10 @@ fn what_outlasts_the_grace_is_told_to_stop() {
     let mut service = Running::with(Limits { grace: Duration::from_millis(1), ..Limits::default() });
     let address = service.address;
     let id = taken(&post(address, "/plans?do=wait", b"body"));
-    let follower = thread::spawn(move || events(address, &id));
     while get(address, "/health").json()["running"] == 0 {}
+    let following = follow(address, &id);
     service.ask_to_end();
-    let (name, status) = follower.join().unwrap().pop().unwrap();
+    let (name, status) = read_events(following).pop().unwrap();
     assert_eq!(name, "failed");
     assert!(status["error"].as_str().unwrap().contains("shut down"), "{status}");
     service.join();

@@ -1,6 +1,6 @@
 //! HTTP by hand, so that a test sees what is on the line.
 
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Write};
 use std::net::{SocketAddr, TcpStream};
 use std::time::Duration;
 
@@ -120,7 +120,22 @@ fn chunks(stream: &mut impl BufRead) -> Vec<u8> {
 
 /// The events of a job to the end of their stream: name and status.
 pub(crate) fn events(address: SocketAddr, id: &str) -> Vec<(String, Value)> {
-    let answer = get(address, &format!("/plans/{id}/events"));
+    read_events(follow(address, id))
+}
+
+/// A job's stream of events that has begun.
+pub(crate) fn follow(address: SocketAddr, id: &str) -> BufReader<TcpStream> {
+    let mut stream = connect(address);
+    let call = format!("GET /plans/{id}/events");
+    stream.write_all(head(&call, &[("connection", "close")]).as_bytes()).unwrap();
+    let mut reader = BufReader::new(stream);
+    assert!(!reader.fill_buf().unwrap().is_empty());
+    reader
+}
+
+/// A stream of events to its end.
+pub(crate) fn read_events(mut stream: BufReader<TcpStream>) -> Vec<(String, Value)> {
+    let answer = answer(&mut stream);
     assert_eq!((answer.status, answer.header("content-type")), (200, Some("text/event-stream")));
     let text = String::from_utf8(answer.body).unwrap();
     let blocks = text.split("\n\n").filter(|block| block.contains("data:"));

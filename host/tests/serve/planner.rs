@@ -138,7 +138,6 @@ fn wrong_bodies_and_options_are_refused_as_plan_refuses_them() {
     // What only planning finds out ends the job, not the request.
     for (target, body, word) in [
         ("/plans?candidates=hook", good, "there is no 'hook'"),
-        ("/plans?name=flat.off", b"OFF\n3 2 0\n0 0 0\n0.05 0 0\n0 0.05 0\n3 0 1 2\n3 0 2 1\n", "flat.off"),
         ("/plans?name=three.xyz", b"0 0 0\n0.1 0 0\n0 0.1 0\n", "three.xyz"),
         ("/plans?unit=mm&start=999,0,0,0,0,0", good, "--start: axis 1"),
     ] {
