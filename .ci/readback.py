@@ -11,7 +11,7 @@ DIRECTIONS = [(0, 0, -1), (0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0
 GRAVITY = 9.81
 HOLD_S = 2.0
 # Compliance of the fingers and the first settling, and what may slide while it is held.
-MOVED_MM = 10.0
+MOVED_MM = 6.0
 SLID_MM = 1.0
 KINEMATICS = 1e-9
 

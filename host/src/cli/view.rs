@@ -17,6 +17,9 @@ use crate::surface::cloud::bounding_box;
 use crate::surface::{Mesh, PointCloud};
 use crate::view::report::{Report, RunRecord};
 
+/// How far beside a grasp site the palm of a run may be, metres.
+const SITE_M: f64 = 1e-4;
+
 /// Largest record of a run that is read, bytes.
 const MAX_RUN_BYTES: u64 = 1 << 28;
 
@@ -39,7 +42,7 @@ pub struct ViewArgs {
     /// Scanned points, in the same frame; by default cloud.ply beside the plan, if it lies there and about the object
     #[arg(long, value_name = "FILE")]
     pub cloud: Option<PathBuf>,
-    /// Record of the execution; by default run.json beside the plan, if there is one
+    /// Record of the execution; by default run.json beside the plan, if it is of this plan
     #[arg(long, value_name = "RUN.json")]
     pub run: Option<PathBuf>,
     /// The hand that was planned for
@@ -79,7 +82,7 @@ pub fn run(args: &ViewArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         (None, Some(Geometry::Cloud(planned))) => Some(planned),
         _ => None,
     };
-    let record = record(args)?;
+    let record = record(args, &document)?;
     let report = Report {
         document: &document,
         hand: &hand.hand,
@@ -176,8 +179,8 @@ fn is_about(cloud: &PointCloud, mesh: &Mesh) -> bool {
     (0..3).all(|i| to[i] - from[i] >= 0.5 * (high[i] - low[i]))
 }
 
-/// The record of an execution, as asked for or beside the plan.
-fn record(args: &ViewArgs) -> anyhow::Result<Option<RunRecord>> {
+/// The record of an execution: as asked for, or the one beside the plan if it is of this plan.
+fn record(args: &ViewArgs, document: &PlanDocument) -> anyhow::Result<Option<RunRecord>> {
     let beside = args.plan.with_file_name("run.json");
     let path: &Path = match &args.run {
         Some(path) => path,
@@ -186,5 +189,13 @@ fn record(args: &ViewArgs) -> anyhow::Result<Option<RunRecord>> {
     };
     let name = || format!("reading {}", path.display());
     let text = read_text(path, MAX_RUN_BYTES).with_context(name)?;
-    Ok(Some(serde_json::from_str(&text).with_context(name)?))
+    let record: RunRecord = serde_json::from_str(&text).with_context(name)?;
+    Ok((args.run.is_some() || is_of(&record, document)).then_some(record))
+}
+
+/// Whether a record can be of this plan: the palm was brought to the site of one of its grasps.
+fn is_of(record: &RunRecord, document: &PlanDocument) -> bool {
+    let near = |at: &[f64; 3], site: &[f64; 3]| at.iter().zip(site).all(|(a, b)| (a - b).abs() < SITE_M);
+    let mut palms = record.trace.iter().filter_map(|sample| sample.palm_position);
+    palms.any(|at| document.grasps.iter().any(|grasp| near(&at, &grasp.grasp_site.position)))
 }

@@ -46,13 +46,13 @@ fn a_page_shows_what_lies_beside_the_plan_and_belongs_to_it() {
     assert_eq!((length(&page["grasps"]), &page["run"]["verdict"]), (1, &"held".into()));
     assert!(length(&page["run"]["trace"]) > 100);
 
-    // Another object's scan is not shown, unless it is asked for.
+    // Another object's scan and another plan's run are not shown, unless it is asked for.
     run("scan --virtual disk -o cloud.ply").ends_with(0);
     run("plan cylinder --strategy paper --top 1 --arm none -o other.json").ends_with(0);
     let other = run("view other.json --cloud cloud.ply -o other.html").ends_with(0);
-    assert_eq!(other.stdout, b"wrote other.html with mesh, cloud, run\n");
+    assert_eq!(other.stdout, b"wrote other.html with mesh, cloud\n");
     let other = run("view other.json -o other.html").ends_with(0);
-    assert_eq!(other.stdout, b"wrote other.html with mesh, run\n");
+    assert_eq!(other.stdout, b"wrote other.html with mesh\n");
     assert!(data(&path("other.html"))["arm"].is_null());
 }
 

@@ -22,6 +22,7 @@ use motion::{ArmShape, HandParts, Step};
 use quality::Margins;
 pub use run::{RunEvent, RunRecord, RunSample};
 
+const HEAD: &str = include_str!("head.html");
 const STYLE: &str = include_str!("page.css");
 const BODY: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("page.js");
@@ -30,10 +31,6 @@ const SCRIPT: &str = include_str!("page.js");
 const MAX_POINTS: usize = 20_000;
 /// Faces of a mesh that are drawn at most.
 const MAX_FACES: usize = 400_000;
-
-/// Nothing comes from anywhere else, and the browser is told to see to it.
-const POLICY: &str = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; \
-                      img-src data: blob:";
 
 /// Why there is no page.
 #[derive(Debug, Error)]
@@ -160,11 +157,7 @@ impl Report<'_> {
         // In a script no text may look like its end.
         let data = serde_json::to_string(&self.data()?)?.replace('<', "\\u003c");
         Ok(format!(
-            "<!doctype html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
-             <meta http-equiv=\"Content-Security-Policy\" content=\"{POLICY}\">\n\
-             <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-             <meta name=\"color-scheme\" content=\"light dark\">\n<link rel=\"icon\" href=\"data:,\">\n\
-             <title>Grasps - prehend</title>\n<style>\n{STYLE}</style>\n</head>\n<body>\n{BODY}\
+            "{HEAD}<style>\n{STYLE}</style>\n</head>\n<body>\n{BODY}\
              <script type=\"application/json\" id=\"data\">{data}</script>\n{}\
              <script>\n{SCRIPT}</script>\n</body>\n</html>\n",
             plotly_js()
