@@ -31,7 +31,7 @@ forbid() {
 for stage in scan surface grasp plan; do
   forbid "host/src/$stage" '\bfirmware::|crate::(link|twin|exec|cli)\b'
 done
-for part in exec export link io object record view; do
+for part in exec export link io object record view serve; do
   forbid "host/src/$part" '\bfirmware::|crate::(twin|cli)\b'
 done
 forbid host/src/export '\bfirmware::|crate::(twin|cli|exec)\b'

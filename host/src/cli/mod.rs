@@ -35,8 +35,10 @@ mod planning;
 mod progress;
 pub mod quality;
 pub mod reconstruct;
+mod remote;
 pub mod scan;
 mod scan_images;
+pub mod serve;
 mod simulated;
 pub mod view;
 
@@ -71,6 +73,8 @@ enum Command {
     Reconstruct(reconstruct::ReconstructArgs),
     /// Mesh or cloud -> ranked force-closure grasps
     Plan(plan::PlanArgs),
+    /// The planner as a service: HTTP, progress as events
+    Serve(serve::ServeArgs),
     /// The grasp metric alone, for anybody's contacts
     Quality(quality::QualityArgs),
     /// Run a plan: approach, close, lift, watch for slip
@@ -129,6 +133,7 @@ fn run(command: Command, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         Command::Scan(args) => scan::run(&args, out),
         Command::Reconstruct(args) => reconstruct::run(&args, out),
         Command::Plan(args) => plan::run(&args, out),
+        Command::Serve(args) => serve::run(&args, out),
         Command::Quality(args) => quality::run(&args, out),
         Command::Execute(args) => execute::run(&args, out),
         Command::Experiment(args) => experiment::run(&args, out),
@@ -152,6 +157,12 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> u8 {
         let _ = error.print();
         return 2;
     }
+    report(&format!("{} (see {} --help)", told(error), command_of(arguments)));
+    2
+}
+
+/// What is wrong with a call, in one line.
+fn told(error: &clap::Error) -> String {
     let text = error.to_string();
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     // The first line, and what belongs to it: the words that would do, or the arguments that are missing.
@@ -163,8 +174,7 @@ fn usage(error: &clap::Error, arguments: &[OsString]) -> u8 {
     } else if let Some(words) = lines.get(1).filter(|line| line.starts_with("[possible values")) {
         message = format!("{message} {words}");
     }
-    report(&format!("{message} (see {} --help)", command_of(arguments)));
-    2
+    message
 }
 
 /// The command that was called, as far as its words are known: `prehend hand show`.

@@ -1,11 +1,13 @@
 //! `prehend plan`: mesh or cloud -> ranked grasps.
 
+use std::cell::RefCell;
 use std::io::Write;
 use std::path::PathBuf;
 use std::time::Instant;
 
 use anyhow::Context;
 use clap::{Args, ValueEnum};
+use indicatif::ProgressBar;
 use nalgebra::{Isometry3, Unit as UnitVector, UnitQuaternion, Vector3};
 use serde_json::json;
 
@@ -13,21 +15,21 @@ use super::hand_file::HandArgs;
 use super::input::{self, TABLE_HEIGHT_M};
 use super::planning::{Planned, Planner};
 use super::progress::{bar, spinner};
-use super::{Outcome, reconstruct as reconstruct_command, write_json, write_json_file};
+use super::{Outcome, reconstruct as reconstruct_command, remote, write_json, write_json_file};
 use crate::hand::Hand;
-use crate::io::{Geometry, Unit, read_geometry};
+use crate::io::{Geometry, Loaded, Unit, read_geometry};
 use crate::object::{BuiltIn, Object};
 use crate::plan::arm::{Arm, Joints, LimitCheck};
 use crate::plan::document::PlanDocument;
 use crate::plan::scene::Scene;
-use crate::plan::search::SearchSettings;
+use crate::plan::search::{SearchSettings, Stop};
 use crate::plan::seen::SeenSurface;
 use crate::surface::{Mesh, Pick, Settings as ReconstructSettings, Survey, Table};
 
 /// Plan force-closure grasps on a mesh or a cloud
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend plan mesh.stl -o plan.json\n  prehend plan mug.iv --unit mm -o plan.json --strategy paper\n  prehend plan cloud.pcd -o plan.json --up 0,-1,0 --table none"
+    after_help = "Examples:\n  prehend plan mesh.stl -o plan.json\n  prehend plan mug.iv --unit mm -o plan.json --strategy paper\n  prehend plan cloud.pcd -o plan.json --up 0,-1,0 --table none\n  prehend plan cloud.pcd -o plan.json --server http://127.0.0.1:7580"
 )]
 pub struct PlanArgs {
     /// Mesh (.ply .stl .obj .off .iv .wrl), cloud (.ply .pcd .xyz .txt .csv, reconstructed first), or the name of a
@@ -102,6 +104,9 @@ pub struct PlanArgs {
     /// Print one JSON document on standard output
     #[arg(long)]
     pub json: bool,
+    /// Have it planned by `prehend serve` at this address; the file is sent there (docs/service.md)
+    #[arg(long, value_name = "http://HOST:PORT", value_parser = remote::address)]
+    pub server: Option<String>,
     // Exclusive arguments need no others, whose defaults are never looked at.
     /// Print the JSON schema of PLAN.json and do nothing else
     #[arg(long, exclusive = true)]
@@ -217,11 +222,117 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
     }
     let to_stdout = args.output.as_os_str() == "-";
     anyhow::ensure!(!(to_stdout && args.json), "--json and -o - both want standard output");
+    if let Some(url) = &args.server {
+        return remote::run(args, url, out);
+    }
     let start = Instant::now();
-    let mut human: Vec<u8> = Vec::new();
+    let Loaded { value: given, warnings } = Given::read(args)?;
+    input::warn(&args.input, &warnings);
+    let made = make(args, given, &Bars::default(), &Stop::default())?;
+    let document = &made.planned.document;
+    if to_stdout {
+        write_json(out, document)?;
+    } else {
+        write_json_file(&args.output, document)?;
+        if args.json {
+            write_json(out, &made.summary(args, start.elapsed().as_secs_f64()))?;
+        } else {
+            out.write_all(&made.text)?;
+            writeln!(out, "wrote {} in {:.2} s", args.output.display(), start.elapsed().as_secs_f64())?;
+        }
+    }
+    Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
+}
+
+/// What there is to plan on, as it was read.
+pub(super) enum Given {
+    /// A built-in object.
+    BuiltIn(Object),
+    /// What a file held.
+    File(Geometry),
+}
+
+impl Given {
+    /// Reads what the arguments name.
+    fn read(args: &PlanArgs) -> anyhow::Result<Loaded<Self>> {
+        if let Some(object) = Self::built_in(args)? {
+            return Ok(Loaded { value: object, warnings: Vec::new() });
+        }
+        let Loaded { value, warnings } = read_geometry(args.input.as_ref(), args.unit)?;
+        Ok(Loaded { value: Self::File(value), warnings })
+    }
+
+    /// The built-in object, if that is what the arguments name.
+    pub(super) fn built_in(args: &PlanArgs) -> anyhow::Result<Option<Self>> {
+        if BuiltIn::ALL.iter().all(|b| b.name() != args.input) {
+            return Ok(None);
+        }
+        Ok(Some(Self::BuiltIn(input::object(&args.input, args.unit, args.mass, args.friction)?)))
+    }
+}
+
+/// Who is told how far it is.
+pub(super) trait Watch {
+    /// What is being done now.
+    fn stage(&self, name: &'static str);
+    /// Attempts of the search, so far and at most.
+    fn attempts(&self, so_far: usize, at_most: usize);
+}
+
+/// Tells whoever sits at the terminal.
+#[derive(Default)]
+struct Bars(RefCell<Option<ProgressBar>>);
+
+impl Bars {
+    fn replace(&self, bar: Option<ProgressBar>) {
+        if let Some(old) = self.0.replace(bar) {
+            old.finish_and_clear();
+        }
+    }
+}
+
+impl Watch for Bars {
+    fn stage(&self, name: &'static str) {
+        self.replace((name == SURFACE).then(|| spinner(name)));
+    }
+
+    fn attempts(&self, so_far: usize, at_most: usize) {
+        if self.0.borrow().is_none() {
+            self.replace(Some(bar(at_most, "attempts")));
+        }
+        if let Some(bar) = &*self.0.borrow() {
+            bar.set_position(so_far as u64);
+        }
+    }
+}
+
+impl Drop for Bars {
+    fn drop(&mut self) {
+        self.replace(None);
+    }
+}
+
+/// Names of stages.
+const SURFACE: &str = "surface";
+const SEARCH: &str = "search";
+
+/// A plan, and what people are told of it.
+pub(super) struct Made {
+    pub(super) planned: Planned,
+    /// The scene that was planned in.
+    pub(super) scene: Scene,
+    /// Lines about the surface, the hand, the place and the search.
+    pub(super) text: Vec<u8>,
+}
+
+/// Plans on what was given. Once `stop` is asked, what comes out is no plan.
+pub(super) fn make(args: &PlanArgs, given: Given, watch: &dyn Watch, stop: &Stop) -> anyhow::Result<Made> {
+    let mut text: Vec<u8> = Vec::new();
     let mut chosen = args.hand.chosen()?;
     let arm = args.arm.arm()?.map(|arm| chosen.mounted(arm));
-    let Input { object, table_normal, seen } = read_input(args, &mut human)?;
+    watch.stage(SURFACE);
+    let Input { object, table_normal, seen } = object_of(args, given, &mut text)?;
+    watch.stage(SEARCH);
     let (base_from_object, placing) = place(args, &object.mesh, table_normal)?;
     let table_height_m = args.table.height_m();
     let start_rad = checked_start(args.start, arm.as_ref())?;
@@ -237,31 +348,38 @@ pub fn run(args: &PlanArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
         threshold: args.threshold,
         seed: args.seed,
         ranked: top,
+        stop: stop.clone(),
     };
-    let progress = bar(settings.attempts, "attempts");
+    watch.attempts(0, settings.attempts);
     let planner =
         Planner { scene: &scene, object: &object, strategy: args.strategy, settings: &settings, start_rad };
-    let planned = planner.plan(top, &|done| progress.set_position(done as u64));
-    progress.finish_and_clear();
-
-    let document = &planned.document;
-    if to_stdout {
-        write_json(out, document)?;
-    } else {
-        write_json_file(&args.output, document)?;
-        if args.json {
-            write_json(out, &summary(args, &planned, start.elapsed().as_secs_f64()))?;
-        } else {
-            out.write_all(&human)?;
-            for line in &chosen.lines {
-                writeln!(out, "{line}")?;
-            }
-            writeln!(out, "{placing}")?;
-            planned.describe(out)?;
-            writeln!(out, "wrote {} in {:.2} s", args.output.display(), start.elapsed().as_secs_f64())?;
-        }
+    let planned = planner.plan(top, &|done| watch.attempts(done, settings.attempts));
+    for line in &chosen.lines {
+        writeln!(text, "{line}")?;
     }
-    Ok(if document.grasps.is_empty() { Outcome::No } else { Outcome::Done })
+    writeln!(text, "{placing}")?;
+    planned.describe(&mut text)?;
+    Ok(Made { planned, scene, text })
+}
+
+impl Made {
+    /// The document of `--json`; `total_s` is what all of it took.
+    pub(super) fn summary(&self, args: &PlanArgs, total_s: f64) -> serde_json::Value {
+        let document = &self.planned.document;
+        json!({
+            "attempts": document.attempts,
+            "force_closure": document.force_closure,
+            "grasps": document.grasps.len(),
+            "seconds": { "total": total_s, "search": self.planned.search_s },
+            "best": document.grasps.first().map(|grasp| json!({
+                "epsilon": grasp.quality.epsilon,
+                "strategy": args.strategy.name(),
+                "candidate": grasp.candidate,
+            })),
+            "rejected": document.rejected,
+            "convention": document.convention,
+        })
+    }
 }
 
 /// Leaves the hand those of its candidates that are named; none named leaves all.
@@ -289,23 +407,6 @@ fn checked_start(given_deg: Option<[f64; 6]>, arm: Option<&Arm>) -> anyhow::Resu
     Ok(Some(start_rad))
 }
 
-fn summary(args: &PlanArgs, planned: &Planned, total_s: f64) -> serde_json::Value {
-    let document = &planned.document;
-    json!({
-        "attempts": document.attempts,
-        "force_closure": document.force_closure,
-        "grasps": document.grasps.len(),
-        "seconds": { "total": total_s, "search": planned.search_s },
-        "best": document.grasps.first().map(|grasp| json!({
-            "epsilon": grasp.quality.epsilon,
-            "strategy": args.strategy.name(),
-            "candidate": grasp.candidate,
-        })),
-        "rejected": document.rejected,
-        "convention": document.convention,
-    })
-}
-
 /// What there is to plan on.
 struct Input {
     object: Object,
@@ -315,16 +416,14 @@ struct Input {
     seen: Option<SeenSurface>,
 }
 
-/// Reads mesh, cloud or built-in object; a cloud is reconstructed and completed first, which is described in `human`.
-fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
-    if BuiltIn::ALL.iter().any(|b| b.name() == args.input) {
-        let object = input::object(&args.input, args.unit, args.mass, args.friction)?;
-        return Ok(Input { object, table_normal: None, seen: None });
-    }
-    let loaded = read_geometry(args.input.as_ref(), args.unit)?;
-    input::warn(&args.input, &loaded.warnings);
+/// The object of what was given; a cloud is reconstructed and completed first, which is described in `text`.
+fn object_of(args: &PlanArgs, given: Given, text: &mut Vec<u8>) -> anyhow::Result<Input> {
+    let geometry = match given {
+        Given::BuiltIn(object) => return Ok(Input { object, table_normal: None, seen: None }),
+        Given::File(geometry) => geometry,
+    };
     let mut table_normal = None;
-    let mesh = match loaded.value {
+    let mesh = match geometry {
         Geometry::Mesh(mesh) => mesh,
         Geometry::Cloud(cloud) => {
             let settings = ReconstructSettings {
@@ -334,13 +433,11 @@ fn read_input(args: &PlanArgs, human: &mut Vec<u8>) -> anyhow::Result<Input> {
                 seed: args.seed,
                 ..Default::default()
             };
-            let waiting = spinner("surface");
             let context = || format!("reconstructing {}", args.input);
             let survey = Survey::new(&cloud, &settings).with_context(context)?;
             let result = survey.pick().with_context(context)?;
-            waiting.finish_and_clear();
-            reconstruct_command::describe_scene(&survey, &args.pick, human)?;
-            reconstruct_command::describe(&result, human)?;
+            reconstruct_command::describe_scene(&survey, &args.pick, text)?;
+            reconstruct_command::describe(&result, text)?;
             table_normal = result.report.table.map(|table| table.normal.into_inner());
             result.mesh
         }

@@ -98,7 +98,7 @@ impl Planner<'_> {
         let mut no_arm_motion: BTreeMap<String, usize> = BTreeMap::new();
         let mut left = result.grasps.as_slice();
         // As many at a time as may still be written: the outcome is that of one after the other.
-        while infos.len() < top && !left.is_empty() {
+        while infos.len() < top && !left.is_empty() && !self.settings.stop.is_asked() {
             let (now, later) = left.split_at(left.len().min(top - infos.len()));
             left = later;
             let outcomes: Vec<_> = now.par_iter().map(|grasp| self.grasp_info(grasp)).collect();

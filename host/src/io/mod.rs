@@ -193,6 +193,12 @@ pub fn read_text(path: &Path, limit_bytes: u64) -> Result<String, TextError> {
     })
 }
 
+/// The bytes of a file of [`MAX_FILE_BYTES`] or less. Errors as those of [`read_geometry`], also when there are none.
+pub fn read_file(path: &Path) -> Result<Vec<u8>, IoError> {
+    let bytes = read_bytes(path)?;
+    if bytes.is_empty() { Err(IoError::Empty { path: path.to_owned() }) } else { Ok(bytes) }
+}
+
 fn read_bytes(path: &Path) -> Result<Vec<u8>, IoError> {
     let system = |source: io::Error| match source.kind() {
         io::ErrorKind::NotFound => IoError::NotFound { path: path.to_owned() },

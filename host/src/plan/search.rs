@@ -1,5 +1,8 @@
 //! What both strategies share: proposals tried on all cores in an order that does not depend on the threads.
 
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
 use nalgebra::{Isometry3, Point3, Translation3, Unit, UnitQuaternion, Vector3};
 use rand::{Rng, RngExt};
 use rand_chacha::ChaCha8Rng;
@@ -24,11 +27,37 @@ pub struct SearchSettings {
     pub seed: u64,
     /// How many grasps are wanted in the order of their robustness, at least.
     pub ranked: usize,
+    /// Ends the search before its time; what it has found until then is no result to rely on.
+    pub stop: Stop,
+}
+
+/// A wish to end a search, which another thread may utter. Clones utter and hear the same one.
+#[derive(Debug, Clone, Default)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Asks for the end.
+    pub fn ask(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// Whether somebody asked.
+    #[must_use]
+    pub fn is_asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+impl PartialEq for Stop {
+    /// Whether both are asked or neither is.
+    fn eq(&self, other: &Self) -> bool {
+        self.is_asked() == other.is_asked()
+    }
 }
 
 impl Default for SearchSettings {
     fn default() -> Self {
-        Self { attempts: 300, threshold: 0.2, seed: 1, ranked: 10 }
+        Self { attempts: 300, threshold: 0.2, seed: 1, ranked: 10, stop: Stop::default() }
     }
 }
 
@@ -145,7 +174,7 @@ pub fn try_all(scene: &Scene, tables: &[PreshapeTable], proposals: &[Proposal]) 
 
 /// Adds the outcomes to `result` in order and calls `progress` with the number of attempts so far. With
 /// `stop_at_threshold`, everything behind the first grasp above the threshold is as if it had not been tried, so that
-/// the batch's size cannot be seen in the result. Returns whether to stop.
+/// the batch's size cannot be seen in the result. Returns whether to stop, which [`SearchSettings::stop`] also asks for.
 pub fn record(
     result: &mut SearchResult,
     tried: &[Tried],
@@ -162,7 +191,7 @@ pub fn record(
         }
     }
     progress(result.attempts);
-    false
+    settings.stop.is_asked()
 }
 
 /// The generator of attempt number `index`: its numbers depend on nothing but the seed and the index.

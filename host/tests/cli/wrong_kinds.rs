@@ -81,7 +81,16 @@ const SHAPES: &[Shape] = &[
         outputs: &["new.json"],
         amounts: &["--friction", "--mass", "--threshold"],
         counts: &["--top", "--seed"],
-        choices: &["--hand", "--arm", "--table", "--place", "--up", "--pick", "--unit", "--start"],
+        choices: &[
+            "--hand", "--arm", "--table", "--place", "--up", "--pick", "--unit", "--start", "--server",
+        ],
+    },
+    Shape {
+        command: "serve",
+        amounts: &["--time-limit", "--grace"],
+        counts: &["--jobs", "--queue", "--keep", "--max-body", "--connections"],
+        choices: &["--listen"],
+        ..NONE
     },
     Shape {
         command: "quality",

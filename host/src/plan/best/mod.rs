@@ -53,7 +53,10 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
         is_found = try_batch(batch, &mut allotment, &mut result);
     }
     // Without a grasp there is nothing to refine: the sampling then goes on to the end.
-    while result.attempts < settings.attempts && (result.attempts < sampled || !is_found) {
+    while result.attempts < settings.attempts
+        && (result.attempts < sampled || !is_found)
+        && !settings.stop.is_asked()
+    {
         let first = result.attempts;
         let end = if is_found { sampled } else { settings.attempts };
         let proposals: Vec<Proposal> = (first..(first + BATCH).min(end))
@@ -67,6 +70,9 @@ pub fn search(scene: &Scene, settings: &SearchSettings, progress: &dyn Fn(usize)
     }
     refine::refine(scene, &tables, settings, kept, &mut result, progress);
     result.rank();
+    if settings.stop.is_asked() {
+        return result;
+    }
     rank::rank(scene, RANKED.max(settings.ranked), settings.seed, &mut result);
     result
 }

@@ -65,7 +65,7 @@ pub(super) fn refine(
 ) {
     let begin = result.attempts;
     let mut kept: Vec<Kept> = kept.into_iter().map(|tried| Kept::new(scene, tried)).collect();
-    while result.attempts < settings.attempts && !kept.is_empty() {
+    while result.attempts < settings.attempts && !kept.is_empty() && !settings.stop.is_asked() {
         kept.sort_by(|a, b| epsilon(&b.tried).total_cmp(&epsilon(&a.tried)));
         if 3 * (result.attempts - begin) < 2 * (settings.attempts - begin) {
             let mut of_candidate = vec![0; scene.hand.candidates.len()];
