@@ -37,6 +37,9 @@ fn tools() -> TempDir {
     );
     tool(path, "cargo", "echo cargo 9.9.9");
     qemu(path, "7.2.0 (Debian)", "mps2-an386");
+    for name in ["chromium", "chromedriver", "python3"] {
+        tool(path, name, &format!("echo {name} 9.9"));
+    }
     folder
 }
 
@@ -81,6 +84,8 @@ fn nothing_on_the_search_path_is_no_matter_for_planning() {
     let empty = tempfile::tempdir().unwrap();
     let plan = doctor(empty.path(), "").ends_with(0).json();
     assert_eq!(check(&plan, "rustc")["status"], "warning");
+    // For the tests also rustfmt, clippy, browser, driver and Python.
+    assert_eq!(doctor(empty.path(), "--for test").ends_with(1).json()["missing"], 11);
     let firmware = doctor(empty.path(), "--for firmware").ends_with(1).json();
     // rustc, cargo, the two targets, QEMU and its machine.
     assert_eq!(firmware["missing"], 6);

@@ -1,4 +1,4 @@
-//! Toolchain, emulator and probe: asked for their versions, on the search path as the other commands use them.
+//! Toolchain, emulator, probe, and the browser and Python of the tests: asked for their versions, on the search path as the other commands use them.
 
 use std::io;
 use std::path::Path;
@@ -30,6 +30,9 @@ const TARGET_V8M: &str = "thumbv8m.main-none-eabihf";
 const BUILD: &[Purpose] = &[Firmware, Test];
 
 const INSTALL_RUST: &str = "install Rust by rustup (https://rustup.rs)";
+const INSTALL_BROWSER: &str = "apt-get install chromium chromium-driver (Debian), or your system's packages";
+const INSTALL_PYTHON: &str =
+    "apt-get install python3 python3-venv (Debian, Ubuntu), or your system's packages";
 const INSTALL_QEMU: &str = "apt-get install qemu-system-arm (Debian, Ubuntu), brew install qemu (macOS)";
 
 /// What a tool answered.
@@ -72,6 +75,11 @@ pub(super) fn findings() -> Vec<Finding> {
     let [rustfmt, clippy] = [component("fmt", "rustfmt"), component("clippy", "clippy")];
     let qemu = ask("qemu-system-arm", &["--version"]).or_lack(INSTALL_QEMU);
     let machine = ask("qemu-system-arm", &["-machine", "help"]).or_lack(INSTALL_QEMU).and_then(knows_machine);
+    let [browser, driver] = ["chromium", "chromedriver"]
+        .map(|program| ask(program, &["--version"]).or_lack(INSTALL_BROWSER).and_then(first_line));
+    // Without this module it cannot make an environment.
+    let python = ask("python3", &["-c", "import ensurepip, sys; print('Python', sys.version.split()[0])"]);
+    let python = python.or_lack(INSTALL_PYTHON).and_then(first_line);
     let probe_rs = ask("probe-rs", &["--version"]);
     let probe_rs = probe_rs.or_lack("cargo install probe-rs-tools, to flash a board").and_then(first_line);
     vec![
@@ -83,6 +91,9 @@ pub(super) fn findings() -> Vec<Finding> {
         Finding::new(TARGET_V8M, BUILD, target_v8m),
         Finding::new("qemu-system-arm", BUILD, qemu.and_then(|text| at_least(&text, MIN_QEMU, INSTALL_QEMU))),
         Finding::new(format!("machine {MACHINE}"), BUILD, machine),
+        Finding::new("chromium", &[Test], browser),
+        Finding::new("chromedriver", &[Test], driver),
+        Finding::new("python3", &[Test], python),
         Finding::new("rustup", &[], rustup),
         Finding::new("probe-rs", &[], probe_rs),
     ]
