@@ -12,7 +12,7 @@ use super::execute::{beside, read_plan};
 use super::{Outcome, input};
 use crate::exec::{LinkPush, joint_squeeze_targets};
 use crate::export::mjcf::SceneObject;
-use crate::export::{Grasp, inventor, isaac, mjcf, moveit, urdf};
+use crate::export::{Grasp, inventor, isaac, mjcf, moveit, npz, urdf};
 use crate::hand::{Hand, hit_dlr};
 use crate::io::{Unit, write_atomically};
 use crate::object::Object;
@@ -22,7 +22,7 @@ use crate::plan::document::{PlanDocument, mesh_hash};
 /// Write grasps, scene or robot of a plan for another program
 #[derive(Debug, Clone, Args)]
 #[command(
-    after_help = "Examples:\n  prehend export plan.json --format isaac-grasp --all -o grasps.yaml\n  prehend export plan.json --format mjcf --grasp 2 -o scene.xml\n  prehend export plan.json --format urdf -o hand.urdf"
+    after_help = "Examples:\n  prehend export plan.json --format isaac-grasp --all -o grasps.yaml\n  prehend export plan.json --format mjcf --grasp 2 -o scene.xml\n  prehend export plan.json --format npz --all -o grasps.npz\n  prehend export plan.json --format urdf -o hand.urdf"
 )]
 pub struct ExportArgs {
     /// Plan to export, as `prehend plan` writes it
@@ -55,6 +55,8 @@ pub enum ExportFormat {
     IsaacGrasp,
     /// List of grasps, moveit_msgs/Grasp as YAML
     Moveit,
+    /// Grasps as NumPy arrays, with the keys of DexGraspBench
+    Npz,
     /// The hand
     Urdf,
     /// The arm with the hand
@@ -67,19 +69,33 @@ pub enum ExportFormat {
 
 /// Runs the command.
 pub fn run(args: &ExportArgs, out: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let text = text(args).with_context(|| format!("exporting {}", args.plan.display()))?;
+    let content = content(args).with_context(|| format!("exporting {}", args.plan.display()))?;
     if args.output == Path::new("-") {
-        out.write_all(text.as_bytes())?;
+        out.write_all(&content)?;
     } else {
-        write_atomically(&args.output, |writer| writer.write_all(text.as_bytes()))?;
+        write_atomically(&args.output, |writer| writer.write_all(&content))?;
         writeln!(out, "wrote {}", args.output.display())?;
     }
     Ok(Outcome::Done)
 }
 
-/// The file's content.
-fn text(args: &ExportArgs) -> anyhow::Result<String> {
+/// What the file holds.
+fn content(args: &ExportArgs) -> anyhow::Result<Vec<u8>> {
     let document = read_plan(&args.plan)?;
+    if args.format == ExportFormat::Npz {
+        let grasps = chosen(args, &document)?;
+        let grasps = grasps
+            .iter()
+            .map(|grasp| pressing_by_joints(grasp, &document))
+            .collect::<anyhow::Result<Vec<_>>>()?;
+        let base_from_object = document.object.base_from_object.to_isometry("base_from_object")?;
+        return Ok(npz::archive(&document.object.source, &base_from_object, &grasps, args.all)?);
+    }
+    Ok(text(args, &document)?.into_bytes())
+}
+
+/// The same of the formats that are text.
+fn text(args: &ExportArgs, document: &PlanDocument) -> anyhow::Result<String> {
     let hand = HandModel::hit_dlr();
     if matches!(args.format, ExportFormat::Urdf | ExportFormat::UrdfArm) {
         ensure!(
@@ -87,15 +103,15 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
             "a robot description shows no grasp: leave out --grasp and --all"
         );
         return Ok(match args.format {
-            ExportFormat::UrdfArm => urdf::arm_with_hand(&arm(args, &document)?, &hand),
+            ExportFormat::UrdfArm => urdf::arm_with_hand(&arm(args, document)?, &hand),
             _ => urdf::hand(&hand),
         });
     }
-    let grasps = chosen(args, &document)?;
+    let grasps = chosen(args, document)?;
     match (args.format, grasps.as_slice()) {
         (ExportFormat::Moveit, _) => {
             let palm_from_parent = match &document.arm {
-                Some(_) => arm(args, &document)?.flange_from_palm().inverse(),
+                Some(_) => arm(args, document)?.flange_from_palm().inverse(),
                 None => Isometry3::identity(),
             };
             Ok(moveit::yaml(&hand, &palm_from_parent, &document.object.source, &grasps))
@@ -103,16 +119,16 @@ fn text(args: &ExportArgs) -> anyhow::Result<String> {
         (ExportFormat::Mjcf, [grasp]) if !args.all => {
             let planned = &document.object;
             let object = SceneObject {
-                pieces: planned_object(args, &document)?.convex_pieces(),
+                pieces: planned_object(args, document)?.convex_pieces(),
                 base_from_object: planned.base_from_object.to_isometry("base_from_object")?,
                 mass_kg: planned.mass_kg,
                 friction: planned.friction,
             };
-            let grasp = pressing_by_joints(grasp, &document)?;
+            let grasp = pressing_by_joints(grasp, document)?;
             Ok(mjcf::scene(&hand, &grasp, &object)?)
         }
         (ExportFormat::Inventor, [grasp]) if !args.all => {
-            Ok(inventor::scene(&hand, grasp, &planned_object(args, &document)?.mesh)?)
+            Ok(inventor::scene(&hand, grasp, &planned_object(args, document)?.mesh)?)
         }
         (ExportFormat::Mjcf | ExportFormat::Inventor, _) => {
             anyhow::bail!("a scene shows one grasp: choose it by --grasp instead of --all")

@@ -1,6 +1,6 @@
 //! Plans, the hand and the arm in the formats of other programs.
 //!
-//! Every writer makes a whole file as text, from values that were checked when they were read: the same input gives the
+//! Every writer makes a whole file in memory, from values that were checked when they were read: the same input gives the
 //! same bytes. Joint and link names are the same in all formats, so that a grasp list and a URDF fit together. Each
 //! file's head says in a comment what its frames and units are.
 
@@ -8,6 +8,7 @@ pub mod inventor;
 pub mod isaac;
 pub mod mjcf;
 pub mod moveit;
+pub mod npz;
 mod text;
 mod tree;
 pub mod urdf;

@@ -35,6 +35,23 @@ fn a_plan_is_exported_in_every_format() {
 }
 
 #[test]
+fn arrays_are_an_archive_of_the_same_bytes_each_time() {
+    let folder = tempfile::tempdir().unwrap();
+    crate::fixture::fill(folder.path());
+    let archive = || {
+        let ran = prehend(folder.path(), "export good.json --format npz --all -o -").ends_with(0);
+        ran.stdout
+    };
+    let first = archive();
+    // NumPy reads it in `.ci/readback.sh`; here its members by name.
+    assert!(first.starts_with(b"PK") && first == archive());
+    for key in ["obj_pose", "joint_names", "pregrasp_qpos", "grasp_qpos", "squeeze_qpos"] {
+        let name = format!("{key}.npy");
+        assert!(first.windows(name.len()).any(|bytes| bytes == name.as_bytes()), "{key}");
+    }
+}
+
+#[test]
 fn a_plan_without_an_arm_gives_moveit_the_palm() {
     let folder = tempfile::tempdir().unwrap();
     prehend(folder.path(), "plan cube --strategy paper --arm none --top 1 -o plan.json").ends_with(0);
