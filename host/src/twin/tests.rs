@@ -397,8 +397,8 @@ fn an_object_in_the_way_stops_the_hand() {
     assert_eq!((execution.verdict, execution.felt), (Verdict::Obstructed, Verdict::Obstructed));
     assert_eq!(phases(&execution), ["prepare", "advance", "stop", "retreat"]);
     let most_n = execution.trace.iter().flat_map(|sample| sample.tip_force_n).fold(0.0, f64::max);
-    // Stretched fingers yield little along themselves, and the palm needs 1.3 mm to stop: 18 N for a moment.
-    assert!(most_n < 20.0, "{most_n} N");
+    // Stretched fingers yield little along themselves, and the palm needs 1.3 mm to stop: 20 N for a moment.
+    assert!(most_n < 25.0, "{most_n} N");
     let last = execution.trace.last().unwrap();
     assert!(
         (last.base_from_palm.translation.vector - case.plan.approach_site.translation.vector).norm() < 1e-4
