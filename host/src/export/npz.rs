@@ -15,6 +15,8 @@ use crate::plan::document::named;
 
 /// Root pose and joints: a position, a quaternion with its real part first, then the joints' angles.
 type Qpos = Vec<f32>;
+/// Where the hand of a grasp is at one time.
+type Posture = fn(&Grasp) -> Qpos;
 
 /// The archive. Metres, radians, base frame; the root is the palm.
 ///
@@ -46,9 +48,9 @@ pub fn archive(
     archive.bytes("obj_path", &[], &[source.to_owned()])?;
     archive.numbers("obj_pose", &[7], &pose(base_from_object))?;
     archive.numbers("obj_scale", &[], &[1.0_f32])?;
-    let names: Vec<String> = named(&HandAngles::default()).into_iter().map(|(name, _)| name).collect();
+    let names: Vec<String> = named(&HandAngles::default()).into_keys().collect();
     archive.bytes("joint_names", &[names.len() as u64], &names)?;
-    let postures: [(&str, fn(&Grasp) -> Qpos); 5] = [
+    let postures: [(&str, Posture); 5] = [
         ("approach_qpos", |grasp| qpos(&grasp.approach_site, &grasp.pregrasp)),
         ("pregrasp_qpos", |grasp| qpos(&grasp.grasp_site, &grasp.pregrasp)),
         ("grasp_qpos", |grasp| qpos(&grasp.grasp_site, &grasp.grasp)),
@@ -73,7 +75,7 @@ fn pose(base_from_it: &Isometry3<f64>) -> Qpos {
 }
 
 fn qpos(base_from_palm: &Isometry3<f64>, angles: &HandAngles<f64>) -> Qpos {
-    let joints = named(angles).into_iter().map(|(_, angle_rad)| angle_rad as f32);
+    let joints = named(angles).into_values().map(|angle_rad| angle_rad as f32);
     pose(base_from_palm).into_iter().chain(joints).collect()
 }
 
