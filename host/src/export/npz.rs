@@ -3,6 +3,7 @@
 //! Those keep a pickled dictionary in `.npy`; pickles run code when they are read, so this is the `.npz` of the same keys:
 //! `dict(numpy.load(file))` is that dictionary.
 
+use std::collections::BTreeMap;
 use std::io::{self, Cursor};
 
 use hand_model::HandAngles;
@@ -48,7 +49,7 @@ pub fn archive(
     archive.bytes("obj_path", &[], &[source.to_owned()])?;
     archive.numbers("obj_pose", &[7], &pose(base_from_object))?;
     archive.numbers("obj_scale", &[], &[1.0_f32])?;
-    let names: Vec<String> = named(&HandAngles::default()).into_keys().collect();
+    let names: Vec<String> = joints(&HandAngles::default()).into_keys().collect();
     archive.bytes("joint_names", &[names.len() as u64], &names)?;
     let postures: [(&str, Posture); 5] = [
         ("approach_qpos", |grasp| qpos(&grasp.approach_site, &grasp.pregrasp)),
@@ -75,8 +76,21 @@ fn pose(base_from_it: &Isometry3<f64>) -> Qpos {
 }
 
 fn qpos(base_from_palm: &Isometry3<f64>, angles: &HandAngles<f64>) -> Qpos {
-    let joints = named(angles).into_values().map(|angle_rad| angle_rad as f32);
-    pose(base_from_palm).into_iter().chain(joints).collect()
+    let angles = joints(angles).into_values().map(|angle_rad| angle_rad as f32);
+    pose(base_from_palm).into_iter().chain(angles).collect()
+}
+
+/// All joints of the description, the coupled ones too: the benches know no coupling.
+fn joints(angles: &HandAngles<f64>) -> BTreeMap<String, f64> {
+    let mut joints = named(angles);
+    let coupled: Vec<(String, f64)> = joints
+        .iter()
+        .filter_map(|(name, angle_rad)| {
+            Some((format!("{}_distal", name.strip_suffix("_middle")?), *angle_rad))
+        })
+        .collect();
+    joints.extend(coupled);
+    joints
 }
 
 struct Archive {
