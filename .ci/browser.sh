@@ -1,12 +1,8 @@
 #!/usr/bin/env bash
 # The page of `prehend view` in a headless Chromium: it is drawn, the slider moves the hand, the list sorts, a phone shows it.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+source "$(dirname "$0")/release.sh"
 python=$(.ci/python.sh)
-out=$(mktemp -d)
-trap 'rm -rf "$out"' EXIT
-cargo build --locked --release
-prehend() { cargo run --locked --release -q -- "$@"; }
 prehend demo --out "$out/demo" >/dev/null
 prehend plan cube --strategy paper --all -o "$out/cube.json" >/dev/null
 prehend view "$out/cube.json" -o "$out/cube.html"

@@ -2,12 +2,8 @@
 # What is exported, read by a reader of somebody else: MuJoCo holds the object of the MJCF scene, and moves the URDFs as we do;
 # NumPy reads the arrays.
 set -euo pipefail
-cd "$(dirname "$0")/.."
+source "$(dirname "$0")/release.sh"
 python=$(.ci/python.sh)
-out=$(mktemp -d)
-trap 'rm -rf "$out"' EXIT
-cargo build --locked --release
-prehend() { cargo run --locked --release -q -- "$@"; }
 # As `cargo test` has built it.
 cargo build --locked --workspace --examples
 "${CARGO_TARGET_DIR:-target}/debug/examples/poses" > "$out/poses.json"

@@ -90,8 +90,8 @@ impl fmt::Display for HandFault {
         if let Some(words) = self.code.text() {
             write!(f, " ({words})")?;
         }
-        let fingers = FingerId::ALL.into_iter().filter(|&finger| self.fingers.contains(finger));
-        fingers.into_iter().try_for_each(|finger| write!(f, " {}", finger.name()))
+        let mut fingers = FingerId::ALL.into_iter().filter(|&finger| self.fingers.contains(finger));
+        fingers.try_for_each(|finger| write!(f, " {}", finger.name()))
     }
 }
 

@@ -78,7 +78,6 @@ pub struct OnBus<B> {
     now_us: u32,
     thumb_rotation_rad: f64,
     state: HandState,
-    enabled: bool,
     /// What is to fail, and when, in the hand's time since torque came on.
     failure: Option<(f64, Failure)>,
     executed_periods: u64,
@@ -111,7 +110,6 @@ impl<B: Board> OnBus<B> {
             now_us: 0,
             thumb_rotation_rad: scene.angles.thumb_rotation_rad,
             state: HandState::default(),
-            enabled: false,
             failure: None,
             executed_periods: 0,
         };
@@ -290,7 +288,6 @@ impl<B: Board> Link for OnBus<B> {
             let setpoint =
                 self.setpoint(word, &command.position_rad, &command.feed_forward_nm, command.thumb)?;
             let answer = self.cycle(&setpoint)?;
-            self.enabled = true;
             self.executed_periods += 1;
             if answer.enabled & 1 << FingerId::Thumb.index() != 0 {
                 self.thumb_rotation_rad = f64::from(answer.thumb_rotation_rad);
@@ -313,7 +310,7 @@ impl<B: Board> Link for OnBus<B> {
         let status = &self.state.status;
         let follows = |state: DriveState| state == DriveState::OperationEnabled;
         let is_well = follows(status.drive) && status.fingers.into_iter().all(follows);
-        (self.enabled && (!is_well || status.fault != Code::NONE)).then(|| HandFault {
+        (self.executed_periods > 0 && (!is_well || status.fault != Code::NONE)).then(|| HandFault {
             code: status.fault,
             fingers: FingerSet::of(status.fingers.map(|finger| !follows(finger))),
         })
