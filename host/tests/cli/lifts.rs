@@ -14,24 +14,14 @@ fn executed(folder: &Path, solid: &Solid, options: &str) -> Value {
     prehend(folder, "execute plan.json -o run.json --json").json()
 }
 
-/// Whether the object is up and still in its place in the hand a second into the hold, as of a record.
-fn is_held_up(record: &Value) -> bool {
-    let vector = |sample: &Value, field: &str| -> [f64; 3] {
-        core::array::from_fn(|i| sample[field][i].as_f64().unwrap())
-    };
+/// How far the object has risen a second into the hold, as of a record: 100 mm is the way of the palm.
+fn rise_in_hold_m(record: &Value) -> f64 {
     let trace = record["trace"].as_array().unwrap();
-    let first_of = |phase: &str| trace.iter().find(|sample| sample["phase"] == phase).unwrap();
-    let from_s = first_of("hold")["time_s"].as_f64().unwrap() + 1.0;
-    let held = trace.iter().find(|sample| sample["time_s"].as_f64().unwrap() >= from_s).unwrap();
-    // The palm does not turn on the way up.
-    let in_hand = |sample| -> [f64; 3] {
-        let (object, palm) = (vector(sample, "object_position"), vector(sample, "palm_position"));
-        core::array::from_fn(|i| object[i] - palm[i])
-    };
-    let (gripped, now) = (in_hand(first_of("lift")), in_hand(held));
-    let moved_m = gripped.iter().zip(now).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
-    let rise_m = vector(held, "object_position")[2] - vector(&trace[0], "object_position")[2];
-    rise_m > 0.05 && moved_m < 0.015
+    let time_s = |sample: &Value| sample["time_s"].as_f64().unwrap();
+    let height_m = |sample: &Value| sample["object_position"][2].as_f64().unwrap();
+    let hold = trace.iter().find(|sample| sample["phase"] == "hold").unwrap();
+    let held = trace.iter().find(|sample| time_s(sample) >= time_s(hold) + 1.0).unwrap();
+    height_m(held) - height_m(&trace[0])
 }
 
 #[test]
@@ -47,10 +37,14 @@ fn ten_millimetres_are_pinched_from_the_table() {
     ] {
         let run = executed(folder.path(), &solid, "--attempts 4000");
         assert!(number(&run, "/lift_height_m") > 0.09, "{run}");
-        // Not all of them stand again where they stood: a plate on edge falls over, and two round tips without torsional
-        // friction lose a thin round thing later in the hold or in the shake.
+        // Not all of them stand again where they stood: a plate on edge swings and falls over, and two round tips without
+        // torsional friction lose a thin round thing later in the hold or in the shake. Until then they may slip 15 mm.
         let record = std::fs::read(folder.path().join("run.json")).unwrap();
-        assert!(is_held_up(&serde_json::from_slice(&record).unwrap()), "{run}");
+        let rise_m = rise_in_hold_m(&serde_json::from_slice(&record).unwrap());
+        assert!(
+            rise_m > 0.085 && run["slip_m"].as_f64().is_none_or(|slip_m| slip_m < 0.015),
+            "{rise_m}: {run}"
+        );
     }
 }
 
